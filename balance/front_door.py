@@ -9,11 +9,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .closure import Closure, Trajectory
-from .datasets import KINDS, dataset_names
+from .datasets import KINDS, FileDigest, dataset_names, files_read
 from .dynamics import inverse_dynamics
 from .dynamics.inverse_dynamics import Response
 from .errors import DataError, ModelError
@@ -97,6 +98,10 @@ def _name(motion: Motion | str | Path) -> str:
     return motion.source if isinstance(motion, Motion) else str(motion)
 
 
+def _distinct(*files: Sequence[FileDigest]) -> tuple[FileDigest, ...]:
+    return tuple(dict.fromkeys(chain(*files)))
+
+
 def _masses(masses: Mapping[str, float | str] | None) -> dict[str, float]:
     return {name: si(value, "mass") for name, value in (masses or {}).items()}
 
@@ -116,7 +121,7 @@ def follow(
     described = _motion(motion)
     samples = described.sample_as_asked(None if rate is None else si(rate, "frequency"))
     coarse = tuple(samples.coarse) if described.recorded else ()
-    return replace(Closure(_mechanism(mechanism)).follow(samples), coarse=coarse)
+    return replace(Closure(_mechanism(mechanism)).follow(samples), coarse=coarse, samples=samples)
 
 
 def assemble(mechanism: Mechanism | str | Path) -> list[Configuration]:
@@ -158,6 +163,7 @@ def size(
     best: int = 1,
     payload_bodies: Sequence[str] = (),
     added: float | str | None = None,
+    given: Mapping[str, float | str] | None = None,
 ) -> SizingStudy:
     """Counter-masses that balance a mechanism, or leave the least shaking force: of any mass, or from stock plates.
 
@@ -167,7 +173,8 @@ def size(
     2.5 or ``"2.5 kg"``. ``best``: sets from stock to give. ``objective``: weights of force, moment, torque, and
     vibration with a ``rig``: least is the sum of weight times (RMS / RMS without counter-masses)^2, so that newtons and
     newton metres compare.
-    ``payload_bodies``: of which the payload is stated that the counter-masses would balance.
+    ``payload_bodies``: of which the payload is stated that the counter-masses would balance. ``given``: masses by site
+    that are not sized, but judged beside those that would be, as ``balance report --counter`` does.
     Least squares within bounds, from plates by mixed-integer search with a proven bound.
 
     >>> import balance
@@ -178,12 +185,15 @@ def size(
     """
     from .balancing.sizing_study import study_sizing
 
-    model = _mechanism(mechanism)
-    trajectory, name = (None, None) if motion is None else (follow(model, motion), _name(motion))
-    return study_sizing(
-        model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
-        weights=objective, rig=rig, payload_bodies=payload_bodies, added=None if added is None else si(added, "mass"),
-    )  # fmt: skip
+    model, moved = _mechanism(mechanism), None if motion is None else _motion(motion)
+    trajectory, name = (None, None) if moved is None else (follow(model, moved), _name(motion or ""))
+    with files_read() as files:
+        found = study_sizing(
+            model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
+            weights=objective, rig=rig, payload_bodies=payload_bodies, given=_masses(given),
+            added=None if added is None else si(added, "mass"),
+        )  # fmt: skip
+    return replace(found, files=_distinct(model.files, moved.files if moved else (), files))
 
 
 def size_nested(
@@ -198,13 +208,15 @@ def size_nested(
     objective: Mapping[str, float] | None = None,
     added: float | str | None = None,
     fixed: bool = False,
+    given: Mapping[str, float | str] | None = None,
 ) -> NestedSizing:
     """Counter-masses for several payloads: sets that only grow from one to the next, or one ``fixed`` set for all.
 
     ``payloads``: for each the masses of bodies, ``[{"platform": "1.45 kg"}, {"platform": "5 kg"}]``. A fixed set is for
-    a machine that carries them in turn. Least is the sum over the payloads of what ``size`` makes small; the other
-    arguments are as there, ``limits``, ``equal`` and ``added`` of each set. Least squares within bounds and totals,
-    from plates by mixed-integer search with a proven bound.
+    a machine that carries them in turn; so are masses that are ``given``, which are judged, not sized. Least is the sum
+    over the payloads of what ``size`` makes small; the other arguments are as there, ``limits``, ``equal`` and
+    ``added`` of each set. Least squares within bounds and totals, from plates by mixed-integer search with a proven
+    bound.
 
     >>> import balance
     >>> payloads = [{"platform": "1.451 kg"}, {"platform": "5 kg"}]
@@ -214,23 +226,31 @@ def size_nested(
     """
     from .balancing.nested_sizing import study_nested
 
-    model = _mechanism(mechanism)
-    trajectory, name = (None, None) if motion is None else (follow(model, motion), _name(motion))
-    return study_nested(
-        model, [_masses(one) for one in payloads], trajectory, motion=name, sites=sites, stock=stock,
-        limits=_masses(limits), equal=equal, weights=objective, added=None if added is None else si(added, "mass"),
-        fixed=fixed,
-    )  # fmt: skip
+    model, moved = _mechanism(mechanism), None if motion is None else _motion(motion)
+    trajectory, name = (None, None) if moved is None else (follow(model, moved), _name(motion or ""))
+    with files_read() as files:
+        found = study_nested(
+            model, [_masses(one) for one in payloads], trajectory, motion=name, sites=sites, stock=stock,
+            limits=_masses(limits), equal=equal, weights=objective, fixed=fixed, given=_masses(given),
+            added=None if added is None else si(added, "mass"),
+        )  # fmt: skip
+    return replace(found, files=_distinct(model.files, moved.files if moved else (), files))
 
 
-def write_report(sizing: SizingStudy, path: str | Path) -> Path:
+def write_report(
+    sizing: SizingStudy | NestedSizing,
+    path: str | Path,
+    tolerances: Mapping[str, float | str] | Sequence[Tolerance] = (),
+) -> Path:
     """Write the page of counter-masses that were sized on a motion, a name ending in .html, as ``balance report`` does.
 
-    Verdict, sizing, conditions, the motion with and without them, the mechanism moving; it reads without network.
+    Verdict, sizing, conditions, the motion with and without them, the mechanism moving; it reads without network. Of
+    several payloads (:func:`size_nested`) each has its part. ``tolerances`` as :func:`tolerance` takes them: what
+    mechanisms made within them keep.
 
     >>> import balance
-    >>> sizing = balance.size("four-bar", "four-bar")
-    >>> balance.write_report(sizing, "report.html").name
+    >>> sizing = balance.size("four-bar", "four-bar", given={"counter_A0A": "1.07 kg"})
+    >>> balance.write_report(sizing, "report.html", {"counter_A0A.mass": "5 g"}).name
     'report.html'
     """
     from .report.design_page import design_page
@@ -239,7 +259,7 @@ def write_report(sizing: SizingStudy, path: str | Path) -> Path:
     path = writable(path, (".html",))
     if sizing.trajectory is None:
         raise DataError(f"{path}: the page shows a motion: size the counter-masses on one, balance.size(MECH, MOTION)")
-    return design_page(sizing).write(path)
+    return design_page(sizing, _tolerances(tolerances)).write(path)
 
 
 def animate(
@@ -360,11 +380,18 @@ def tolerance(
     >>> found.percentiles["95"] > found.nominal
     True
     """
-    from .balancing.tolerance import Tolerance, analyze_tolerances
+    from .balancing.tolerance import analyze_tolerances
 
-    if isinstance(tolerances, Mapping):
-        tolerances = [Tolerance.of(*_part(name)[:2], error) for name, error in tolerances.items()]
-    return analyze_tolerances(_problem(mechanism, motion, counter_masses), tolerances, draws, seed, pool)
+    problem = _problem(mechanism, motion, counter_masses)
+    return analyze_tolerances(problem, _tolerances(tolerances), draws, seed, pool)
+
+
+def _tolerances(given: Mapping[str, float | str] | Sequence[Tolerance]) -> Sequence[Tolerance]:
+    from .balancing.tolerance import Tolerance
+
+    if isinstance(given, Mapping):
+        return [Tolerance.of(*_part(name)[:2], error) for name, error in given.items()]
+    return given
 
 
 def _problem(

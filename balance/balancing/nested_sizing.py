@@ -6,17 +6,18 @@ sum over the payloads of what is made small.
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
 
 from ..closure import Trajectory
+from ..datasets import FileDigest
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
 from ..results import Key, Shown, per_cent_text
 from .conditions import balance_conditions
-from .objective import MADE_SMALL, motion_objective, workspace_objective
+from .objective import MADE_SMALL, made_small, motion_objective, workspace_objective
 from .sizing import (
     COMPLETE,
     Sizing,
@@ -32,7 +33,7 @@ from .sizing import (
     stock_system,
     stock_use,
 )
-from .sizing_study import STEPS
+from .sizing_study import STEPS, allowed, refuse_sized
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,17 @@ class NestedSizing(Shown, rows="counter_masses"):
     fixed: bool
     """Whether one set is for all payloads."""
     stock_use: StockUse | None = None
+    trajectory: Trajectory | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Largest mass by site of each set [kg], of sites that have one."""
+    equal: tuple[tuple[str, ...], ...] = ()
+    """Groups of sites of equal masses."""
+    added: float | None = None
+    """What the masses of each set together may weigh [kg]; None without such a limit."""
+    given: bool = False
+    """Whether the one set was given, not sized."""
+    files: tuple[FileDigest, ...] = ()
+    """What was read: mechanism, motion, stock."""
 
     @property
     def counter_masses(self) -> tuple[PayloadMass, ...]:
@@ -127,7 +139,12 @@ class NestedSizing(Shown, rows="counter_masses"):
     @property
     def made_small(self) -> str:
         """What is made small, in words."""
-        return "momentum" if self.motion is None else " and ".join(MADE_SMALL[name] for name in self.weights)
+        return made_small(self.weights, self.motion)
+
+    @property
+    def allowed(self) -> str:
+        """Where masses may be mounted, and the limits of each set, in words."""
+        return allowed(self.sets[0].counter_masses, self.limits, self.equal, self.added)
 
     @property
     def unit(self) -> str:
@@ -149,7 +166,8 @@ class NestedSizing(Shown, rows="counter_masses"):
     def has_finding(self) -> bool:
         """Whether with some payload more remains than steps of stock plates leave."""
         largest = max(one.remaining_percent() or 0.0 for one in self.sets)
-        return not self.balanced and not (self.stock and largest <= 100.0 * STEPS)
+        others = self.stock or (self.given and all(one.is_complete() for one in self.any_mass))
+        return not self.balanced and not (others and largest <= 100.0 * STEPS)
 
     def document(self) -> dict[str, Any]:
         """For JSON: units in the keys."""
@@ -164,7 +182,8 @@ class NestedSizing(Shown, rows="counter_masses"):
                 | {"attainable_with_any_mass": alone.is_complete(), "proven": one.bound is not None}
             )
         use = self.stock_use.document() if self.stock_use else {}
-        return {"mechanism": self.sets[0].before.name, "stock": self.stock, "fixed": self.fixed, "sets": sets} | use
+        told = {"stock": self.stock, "fixed": self.fixed, "given": self.given}
+        return {"mechanism": self.sets[0].before.name, **told, "sets": sets} | use
 
     def __str__(self) -> str:
         """First how much remains with each payload; then what would remove it."""
@@ -192,9 +211,16 @@ class NestedSizing(Shown, rows="counter_masses"):
                 found.append(f"First-moment residual at {given}  {residual}")
         if not found:
             found.append("No masses at these sites balance it completely with any of these payloads.")
+        return (*found, self.proof)
+
+    @property
+    def proof(self) -> str:
+        """How near the sets are to the best, in words."""
+        if self.given:
+            return "These masses were given, not sized."
         sets = "fixed sets" if self.fixed else "sets that only grow"
         proof = "proven" if self.proven else "the best found in the time, not proven"
-        return (*found, f"Least in the sum over the payloads of all {sets}: {proof}.")
+        return f"Least in the sum over the payloads of all {sets}: {proof}."
 
 
 def study_nested(
@@ -210,8 +236,9 @@ def study_nested(
     weights: Mapping[str, float] | None = None,
     added: float | None = None,
     fixed: bool = False,
+    given: Mapping[str, float] | None = None,
 ) -> NestedSizing:
-    """Counter-masses for each of ``payloads`` [kg], in their order, of least ``weights``.
+    """Counter-masses for each of ``payloads`` [kg], in their order, of least ``weights``; or one set that is ``given``.
 
     The other arguments as for ``study_sizing``. Raises SizingError, also for one payload alone; DataError for a file.
     """
@@ -222,6 +249,9 @@ def study_nested(
     weights = weights or {"force": 1.0}
     if unlike := sorted(set(weights) - ({*MADE_SMALL} - {"vibration"} if trajectory else {"force"})):
         raise SizingError(f"the objective {', '.join(unlike)} is of a motion and of one payload")
+    if given:
+        refuse_sized(sites=sites, stock=stock, limits=limits, equal=equal, added=added is not None, fixed=fixed)
+        sites, fixed = list(given), True
     models, names = [mechanism.with_payload(one) for one in payloads], chosen_sites(mechanism, sites)
     conditions, plates = balance_conditions(models[0]), load_stock(stock) if stock else None
     refuse_swinging(conditions, models[0], names)
@@ -229,7 +259,9 @@ def study_nested(
     each, steps = list(zip(objectives, models, strict=True)), 1 if fixed else len(models)
     system = sizing_system(each, names, limits, equal, added, fixed)
     piles: Sequence[Any] = [None] * len(models)
-    if plates is None:
+    if given:
+        masses, proven = np.array([[given[name] for name in names]]), False
+    elif plates is None:
         grown, bound = of_any_mass(system)
         masses = np.cumsum(grown.reshape(steps, len(names)), axis=0)
         least = float(np.sum((system["columns"] @ grown - system["target"]) ** 2))
@@ -248,4 +280,7 @@ def study_nested(
         sets.append(replace(one, payload_bodies=bodies, bound=objective.value(one.after) if proven else None))
         alone.append(exact_sizing(conditions, model, names, limits, objective, equal, added))
     use = stock_use(sets, plates, limits, equal, added=added, fixed=fixed) if plates else None
-    return NestedSizing(tuple(payloads), tuple(sets), tuple(alone), weights, motion, stock, fixed, use)
+    return NestedSizing(
+        tuple(payloads), tuple(sets), tuple(alone), weights, motion, stock, fixed, use, trajectory, dict(limits or {}),
+        tuple(map(tuple, equal)), added, bool(given),
+    )  # fmt: skip

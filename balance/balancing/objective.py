@@ -31,6 +31,16 @@ MADE_SMALL = {
     "force": "shaking force", "moment": "shaking moment", "torque": "drive torque", "vibration": "acceleration",
 }  # fmt: skip
 """What people call each, and vibration (``base_vibration``)."""
+
+
+def made_small(weights: Mapping[str, float], motion: str | None) -> str:
+    """What ``weights`` make small, in words; the momentum without a motion."""
+    if motion is None:
+        return "momentum"
+    of_weights = f" ({', '.join(f'{name} {w:g}' for name, w in weights.items())})"
+    return " and ".join(MADE_SMALL[name] for name in weights) + of_weights * (len(set(weights.values())) > 1)
+
+
 _STEP = 0.25
 """Travel of the fastest joint between two states of the workspace [rad, or lengths of the mechanism]."""
 _FEWEST, _HALVINGS = 12, 8

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Floats, conic_optimum, root_mean_square
 from ..closure import Trajectory
+from ..datasets import FileDigest
 from ..dynamics.inverse_dynamics import Response, simulate
 from ..errors import SizingError
 from ..mechanism.mechanism import PARAMETERS, Mechanism, Site
@@ -28,6 +29,7 @@ from .sizing import (
     refuse_swinging,
     site_groups,
     sizing_document,
+    sizing_of_given,
     stock_use,
     total_limit,
     upper_limits,
@@ -276,6 +278,10 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     """Largest mass by site [kg], of sites that have one."""
     equal: tuple[tuple[str, ...], ...] = ()
     """Groups of sites of equal masses."""
+    given: bool = False
+    """Whether the masses were given, not sized."""
+    files: tuple[FileDigest, ...] = ()
+    """What was read: mechanism, motion, stock, rig."""
 
     @property
     def best(self) -> Sizing:
@@ -327,17 +333,12 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     @property
     def made_small(self) -> str:
         """What is made small, in words."""
-        what = "momentum" if self.motion is None else " and ".join(objective.MADE_SMALL[name] for name in self.weights)
-        uneven = len(set(self.weights.values())) > 1
-        return f"{what} ({', '.join(f'{name} {w:g}' for name, w in self.weights.items())})" if uneven else what
+        return objective.made_small(self.weights, self.motion)
 
     @property
     def allowed(self) -> str:
         """Where masses may be mounted, and the limits, in words."""
-        sites = (one.site for one in self.counter_masses)
-        limited = [f"{name}, at most {self.limits[name]:.4g} kg" if name in self.limits else name for name in sites]
-        parts = ["; ".join(limited), *(f"equal at {' and '.join(group)}" for group in self.equal)]
-        return "; ".join([*parts, *([] if self.added is None else [f"at most {self.added:.4g} kg in all"])])
+        return allowed(self.counter_masses, self.limits, self.equal, self.added)
 
     @cached_property
     def responses(self) -> dict[str, Response]:
@@ -352,6 +353,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         unit = f"_{result.objective.unit}" if result.objective and self.motion and len(self.weights) == 1 else ""
         over = "workspace" if self.motion is None else "motion"
         found: dict[str, Any] = {
+            "payload_kg": self.before.carried,
+            "given": self.given,
             "balanced": verdict.balanced,
             "attainable_with_any_mass": verdict.attainable,
             "limits_kg": dict(self.limits),
@@ -420,7 +423,7 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 along = ", ".join(f"{x:.3g}" for x in one.direction)
                 after, before = (f"{x:.4g} {unit}" if unit else self._share(x) for x in (one.after, one.before))
                 yield f"  in direction ({along}) of the base: {after} of {before}"
-        if self.stock:
+        if self.stock or self.given:
             remain = per_cent_text(self.any_mass.remaining_percent())
             yield "Masses of other sizes at these sites would " + (
                 "balance it completely." if verdict.attainable else f"leave {remain}{self._in_all()}."
@@ -477,6 +480,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
 
     def _proof(self) -> str:
         """How near the masses are to the best."""
+        if self.given:
+            return "These masses were given, not sized."
         within = self._in_all()
         what = f"choice of these plates{within} leaves" if self.stock else f"masses at these sites{within} leave"
         if self.verdict.least is None:
@@ -500,13 +505,17 @@ def study_sizing(
     rig: str | None = None,
     payload_bodies: Sequence[str] = (),
     added: float | None = None,
+    given: Mapping[str, float] | None = None,
 ) -> SizingStudy:
     """Counter-masses at ``sites`` of least ``weights`` over a trajectory, or the workspace; of plates with a ``stock``.
 
-    ``motion`` names the trajectory; ``limits`` [kg] by site, ``added`` [kg] of all masses together. Raises SizingError,
-    or DataError for a file.
+    ``motion`` names the trajectory; ``limits`` [kg] by site, ``added`` [kg] of all masses together; ``given`` masses
+    [kg] by site are judged beside the best ones at their sites. Raises SizingError, or DataError for a file.
     """
     weights = weights or {"force": 1.0}
+    if given:
+        refuse_sized(sites=sites, stock=stock, limits=limits, equal=equal, added=added is not None, rig=rig)
+        sites = list(given)
     _refuse_unlike(weights, trajectory, rig, best if stock is None else 1)
     conditions, sites = balance_conditions(model), chosen_sites(model, sites)
     refuse_swinging(conditions, model, sites)
@@ -528,6 +537,8 @@ def study_sizing(
         of_any_mass = partial(exact_sizing, conditions, model, sites, limits, target, equal)
     any_mass, any_total = of_any_mass(added), None if added is None else of_any_mass(None)
     sets: Sequence[Sizing] = [any_mass]
+    if given:
+        sets = [sizing_of_given(conditions, model, given, objective=any_mass.objective)]
     use: StockUse | None = None
     if stock:
         from .stock_plates import load_stock
@@ -550,8 +561,26 @@ def study_sizing(
     verdict = verdict_of(first, any_mass, samples, limits, equal, added)
     return SizingStudy(
         (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, any_total,
-        dict(limits or {}), tuple(map(tuple, equal)),
+        dict(limits or {}), tuple(map(tuple, equal)), bool(given),
     )  # fmt: skip
+
+
+def allowed(
+    masses: Sequence[CounterMass], limits: Mapping[str, float], equal: Sequence[Sequence[str]], added: float | None
+) -> str:
+    """Where ``masses`` may be mounted, and the ``limits`` [kg] by site and of all, in words."""
+    limited = [f"{c.site}, at most {limits[c.site]:.4g} kg" if c.site in limits else c.site for c in masses]
+    parts = ["; ".join(limited), *(f"equal at {' and '.join(group)}" for group in equal)]
+    return "; ".join([*parts, *([] if added is None else [f"at most {added:.4g} kg in all"])])
+
+
+def refuse_sized(**asked: object) -> None:
+    """Raise SizingError, naming what is asked of a sizing, where masses are given."""
+    if named := [name for name, value in asked.items() if value]:
+        raise SizingError(
+            f"masses that are given are not sized: leave out {', '.join(named)}, or leave out the masses and have them "
+            "sized"
+        )
 
 
 def _refuse_unlike(weights: Mapping[str, float], trajectory: Trajectory | None, rig: str | None, best: int) -> None:

@@ -115,6 +115,15 @@ class ToleranceAnalysis(Shown, rows="effects", figure="balance.figures.balancing
         least = (1.0 + _CHANGES) * self.nominal
         return tuple(effect for effect in bent if effect.variance_share >= _COUNTS and effect.rms_95 > least)
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is said of those."""
+        advice = "narrow the tolerance, or vary it with balance sweep"
+        return tuple(
+            f"{one.tolerance.text}: its effect is not linear (curvature {one.curvature:.2g}): {advice}"
+            for one in self.doubtful
+        )
+
 
 def analyze_tolerances(
     problem: Problem, tolerances: Sequence[Tolerance], draws: int, seed: int, pool: TaskPool = HERE

@@ -1,13 +1,17 @@
 """``balance report``, ``balance animate`` and ``balance view``."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options, size
 from .framework import Answer, command, option
-from .printing import say
+from .printing import emit_findings, say
+from .sweep import TOLERANCES
+
+if TYPE_CHECKING:
+    from ..balancing.tolerance import Tolerance
 
 STILLS = (".png", ".svg", ".pdf")
 
@@ -33,12 +37,21 @@ Examples:
   balance report four-bar --motion four-bar -o report.html
   balance report parallelogram-6bar -p platform=5kg --motion x --stock kiper2019 -o report.html
   balance report four-bar --motion four-bar --limit counter_A0A=1kg --added 2kg -o report.html
+  balance report four-bar --motion four-bar -c counter_A0A=1.07kg -c counter_B0B=1.37kg \\
+    --tolerance counter_A0A.mass=5g --tolerance counter_B0B.x=0.2mm -o report.html
+  balance report parallelogram-6bar -p platform=1.451kg -p platform=5kg --motion x --fixed -o report.html
+
 \b
-Exit code 3: no masses at these sites balance it completely, or plates leave more than 5 % where others would."""
+Several payloads of one body have one page, sets as balance size finds them. With --counter the page is of those masses,
+with each payload; they have the inertia of a disc with the site's radius of gyration. --tolerance as balance tolerance.
+\b
+Exit code 3: no masses at these sites balance it completely, or plates or masses that are given leave more than 5 %
+where others would; or the effect of a tolerance is not linear."""
 )
 def report(
     mechanism: str = options.MECHANISM,
-    payload: options.Masses = options.PAYLOADS,
+    payload: options.Pairs = options.PAYLOADS_OF_ONE_BODY,
+    counter: options.Masses = options.COUNTERS,
     site: tuple[str, ...] = options.SITES,
     without: tuple[str, ...] = size.WITHOUT,
     stock: str | None = size.STOCK,
@@ -47,22 +60,36 @@ def report(
     equal: tuple[str, ...] = size.EQUAL,
     objective: tuple[str, ...] = size.OBJECTIVE,
     rig: str | None = size.RIG,
+    fixed: bool = size.FIXED,
+    tolerances: "tuple[Tolerance, ...]" = TOLERANCES,
     motion: str = options.MOTION,
     output: Path = _output(".html"),
 ) -> Answer:
     """The counter-masses of MECH on one page to sign and mail: verdict, sizing, conditions, a motion with and without.
 
     The page reads without network and without script, and shows the mechanism moving to scale. Counter-masses are those
-    of balance size with the same options; --json prints every number of the page.
+    of balance size with the same options, or those given; --json prints every number of the page.
     """
     from ..report.design_page import design_page
 
-    model = options.load_mechanism_option(mechanism, payload)
-    found = size.sized(model, payload, motion, stock, site, without, limit, added, equal, objective, rig)
-    page = design_page(found)
+    others = {
+        "--site": site, "--without": without, "--stock": stock, "--limit": limit, "--equal": equal, "--rig": rig,
+        "--fixed": fixed, "--added": added is not None,
+    }  # fmt: skip
+    if counter and (named := [name for name, value in others.items() if value]):
+        raise click.UsageError(f"--counter gives the masses, {' and '.join(named)} have them sized: leave out one")
+    found = size.sized(
+        mechanism, size.growing(payload), motion, stock, site, without, limit, added, equal, objective, rig, fixed,
+        given=counter,
+    )  # fmt: skip
+    page = design_page(found, tolerances)
     path = page.write(output)
-    text = f"{model.name}: {page.document['verdict']}\nWrote {path}."
-    return Answer({**page.document, "written": str(path)}, lambda: say(text), found.has_finding)
+
+    def show() -> None:
+        say(f"{page.document['mechanism']}: {page.document['verdict']}\nWrote {path}.")
+        emit_findings(("not_linear", said) for said in page.about["doubts"])
+
+    return Answer({**page.document, "written": str(path)}, show, found.has_finding or bool(page.about["doubts"]))
 
 
 @command(

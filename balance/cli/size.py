@@ -77,45 +77,34 @@ def size(
     The first line states whether it balances, or what remains; a table where further sites would help. Force balance
     alone raises the shaking moment and the drive torque: --motion shows by how much.
     """
+    from ..balancing.nested_sizing import NestedSizing
+
     if best > 1 and not stock:
         raise click.UsageError("--best lists sets of plates: give --stock; of any mass one set is the best")
     if closed_form:
-        if (
-            site
-            or without
-            or stock
-            or limit
-            or equal
-            or motion
-            or objective
-            or rig
-            or figure
-            or fixed
-            or added is not None
-        ):
+        others = (site, without, stock, limit, equal, motion, objective, rig, figure, fixed)
+        if any(others) or added is not None:
             raise click.UsageError("--closed-form reads no model: give only --payload and --json with it")
         return _closed_form(mechanism, payload)
-    payloads = _growing(payload)
-    if len(payloads) > 1:
-        if best > 1 or rig or figure:
-            raise click.UsageError("--best, --rig and --figure are for one payload of a body")
-        nested = _nested(mechanism, payloads, motion, stock, site, without, limit, added, equal, objective, fixed)
-        published = _published(nested) if nested.stock == "kiper2019" and not (site or limit or equal or fixed) else {}
-        return Answer(nested.document() | published, lambda: _print_nested(nested, published), nested.has_finding)
-    if fixed:
-        raise click.UsageError("--fixed is for several payloads of one body: give --payload again, one for each")
-    model = options.load_mechanism_option(mechanism, payloads[0])
-    found = sized(model, payloads[0], motion, stock, site, without, limit, added, equal, objective, rig, best)
+    payloads = growing(payload)
+    if len(payloads) > 1 and (best > 1 or figure):
+        raise click.UsageError("--best and --figure are for one payload of a body")
+    found = sized(mechanism, payloads, motion, stock, site, without, limit, added, equal, objective, rig, fixed, best)
+    if isinstance(found, NestedSizing):
+        published = _published(found) if found.stock == "kiper2019" and not (site or limit or equal or fixed) else {}
+        return Answer(found.document() | published, lambda: _print_nested(found, published), found.has_finding)
     options.draw(figure, found.plot)
     document = found.document() | {n: response_summary(r) for n, r in found.responses.items()}
-    at_sites = [f"{name} = {mass(value)} kg" for name, value in payloads[0].items() if name not in model.own_mass]
+    at_sites = [
+        f"{name} = {mass(value)} kg" for name, value in payloads[0].items() if name not in found.before.own_mass
+    ]
     beside = f", with {', '.join(at_sites)}" if at_sites else ""
     return Answer(document, lambda: _print(found, best, beside), found.has_finding, further=("", "objective"))
 
 
 def sized(
-    model: "Mechanism",
-    payload: options.Masses,
+    mechanism: str,
+    payloads: Sequence[options.Masses],
     motion: str | None,
     stock: str | None,
     site: tuple[str, ...],
@@ -125,16 +114,26 @@ def sized(
     equal: tuple[str, ...],
     objective: tuple[str, ...],
     rig: str | None,
+    fixed: bool,
     best: int = 1,
-) -> "SizingStudy":
-    """Counter-masses of a mechanism with its payload, by the options of the command."""
-    from ..front_door import size
+    given: options.Masses | None = None,
+) -> "SizingStudy | NestedSizing":
+    """Counter-masses for one payload, or for several which rise, by the options of a command; or those ``given``."""
+    from ..front_door import load, size, size_nested
 
-    return size(
-        model, motion, stock, sites=_sites(model, site, without), limits=limit, added=added, best=best, rig=rig,
-        equal=_groups(equal), objective=_weights(objective, motion, rig),
-        payload_bodies=options.payload_bodies(model, payload),
-    )  # fmt: skip
+    if len(payloads) > 1 and rig:
+        raise click.UsageError("--rig is for one payload of a body")
+    if len(payloads) == 1 and fixed:
+        raise click.UsageError("--fixed is for several payloads of one body: give --payload again, one for each")
+    models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
+    asked: dict[str, Any] = {
+        "stock": stock, "sites": () if given else _sites(models[0], site, without), "limits": limit, "added": added,
+        "equal": _groups(equal), "objective": _weights(objective, motion, rig), "given": given,
+    }  # fmt: skip
+    if len(payloads) > 1:  # of the mechanism as filed: a payload at a site is added to what is there
+        return size_nested(load(mechanism), payloads, motion, fixed=fixed, **asked)
+    bodies = options.payload_bodies(models[0], payloads[0])
+    return size(models[0], motion, rig=rig, best=best, payload_bodies=bodies, **asked)
 
 
 def _print(found: "SizingStudy", best: int, beside: str) -> None:
@@ -186,7 +185,7 @@ def _print(found: "SizingStudy", best: int, beside: str) -> None:
             say(f"They balance {body} = {mass(value)} kg, its own mass included{beside}.")
 
 
-def _growing(pairs: options.Pairs) -> list[options.Masses]:
+def growing(pairs: options.Pairs) -> list[options.Masses]:
     """Payloads in rising order of the one body that is named more than once, each with those of all other bodies."""
     names = [name for name, _ in pairs]
     again = sorted({name for name in names if names.count(name) > 1})
@@ -273,29 +272,6 @@ def _closed_form(mechanism: str, payload: options.Pairs) -> Answer:
         "m_cm p_cm = -(m1 p1 + (m2 + m5) r + m2 p2); no model was evaluated."
     )
     return Answer(document, lambda: say(text))
-
-
-def _nested(
-    mechanism: str,
-    payloads: Sequence[options.Masses],
-    motion: str | None,
-    stock: str | None,
-    site: tuple[str, ...],
-    without: tuple[str, ...],
-    limit: options.Masses,
-    added: float | None,
-    equal: tuple[str, ...],
-    objective: tuple[str, ...],
-    fixed: bool,
-) -> "NestedSizing":
-    """A set for each of ``payloads``, which rise, by the options of the command."""
-    from ..front_door import size_nested
-
-    models = [options.load_mechanism_option(mechanism, payload) for payload in payloads]
-    return size_nested(
-        models[0], payloads, motion, stock, sites=_sites(models[0], site, without), limits=limit, added=added,
-        equal=_groups(equal), objective=_weights(objective, motion, None), fixed=fixed,
-    )  # fmt: skip
 
 
 def _published(nested: "NestedSizing") -> dict[str, Any]:

@@ -83,10 +83,13 @@ _VARIED = option(
     "--vary", multiple=True, required=True, metavar="NAME.PART=VALUES",
 )  # fmt: skip
 _TOLERATED = "counter_A0A.mass=5g, counter_A0A.mass=2% or A.x=0.1mm"
-_TOLERANCES = option(
-    "A mass or a place and its largest error, to either side: with a unit, or in % of the mass or coordinate.",
-    OfAPart("NAME.PART=ERROR", _TOLERATED, _tolerance, r"(?:±|\+-|\+/-)?(.+)"),
-    "--tolerance", multiple=True, required=True, metavar="NAME.PART=ERROR",
+TOLERANCES, _TOLERANCES = (
+    option(
+        "A mass or a place and its largest error, to either side: with a unit, or in % of the mass or coordinate.",
+        OfAPart("NAME.PART=ERROR", _TOLERATED, _tolerance, r"(?:±|\+-|\+/-)?(.+)"),
+        "--tolerance", multiple=True, required=required, metavar="NAME.PART=ERROR",
+    )
+    for required in (False, True)
 )  # fmt: skip
 
 
@@ -222,11 +225,7 @@ def tolerance(
         meaning += "straight line within the tolerance."
         emit_table("Tolerances, the costliest first", *table(ToleranceEffect, found.effects), meaning)
         say(f"RMS force at most: {levels}")
-        advice = "narrow the tolerance, or vary it with balance sweep"
-        emit_findings(
-            ("not_linear", f"{one.tolerance.text}: its effect is not linear (curvature {one.curvature:.2g}): {advice}")
-            for one in found.doubtful
-        )
+        emit_findings(("not_linear", said) for said in found.doubts)
 
     shown = {"mechanism": model.name, "draws": draws, "seed": seed, **document(found)}
     return Answer(shown, show, bool(found.doubtful))

@@ -117,6 +117,8 @@ class Trajectory(Brief):
     """Coordinates of idle freedoms, which nothing drives: they stay as at home (``Closure.idle``)."""
     coarse: tuple[str, ...] = ()
     """What is said of samples of a file whose acceleration is that of rounding or noise."""
+    samples: Samples | None = None
+    """The motion of the driven coordinates that it follows; None where none is known."""
 
     def is_closed(self, tol: float = RESIDUAL_LIMIT) -> bool:
         """Whether no residual exceeds ``tol`` [m, rad]."""

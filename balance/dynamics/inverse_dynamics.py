@@ -142,9 +142,17 @@ class Response(Shown, figure="balance.figures.balancing:draw_response"):
 
 
 def compared(responses: Mapping[str, Response]) -> list[dict[str, Any]]:
-    """A row for each component that is not zero throughout in all ``responses``: ``rms_before``, ``peak_before`` ..."""
-    sizes = {f"{what}_{name}": getattr(one, what)() for what in ("rms", "peak") for name, one in responses.items()}
-    rows = [
+    """A row for each component that is not zero throughout in all ``responses``: ``rms_before``, ``peak_before`` ...
+
+    The first, ``F_N``, is of the force vector: its magnitude over time.
+    """
+    vectors = {name: np.linalg.norm(one.force, axis=1) for name, one in responses.items()}
+    sizes = dict[str, dict[str, float]]()
+    for name, one in responses.items():
+        sizes[f"rms_{name}"] = {"F_N": root_mean_square(vectors[name])} | one.rms()
+    for name, one in responses.items():
+        sizes[f"peak_{name}"] = {"F_N": float(vectors[name].max(initial=0.0))} | one.peak()
+    rows: list[dict[str, Any]] = [
         {"component": name, **{key: size[name] for key, size in sizes.items()}} for name in next(iter(sizes.values()))
     ]
     return [row for row in rows if max(row[f"peak_{name}"] for name in responses) > NOTHING]

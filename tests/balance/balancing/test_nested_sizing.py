@@ -9,8 +9,10 @@ from scipy.optimize import minimize
 
 import balance
 from balance.balancing.objective import workspace_objective
+from balance.cli import main
 from balance.errors import CounterpoiseError
 
+from ...commands import call
 from .test_sizing import BUILT, EXACT, SITES
 
 LOADS = (1.451, 3.4116)
@@ -53,6 +55,16 @@ def total(sets: np.ndarray) -> float:
 def after_each(study: "balance.NestedSizing"):
     """Objective and mechanism of each set as it is mounted."""
     return [(one.objective, one.after) for one in study.sets]
+
+
+def test_a_payload_at_a_site_is_mounted_once() -> None:
+    """Payloads at a point of a link in place of a body: for each the masses of any size that it has alone."""
+    done = [call(main, "balance", "size", "four-bar", *words, "--json") for words in (
+        ("-p", "B_AB=1kg"), ("-p", "B_AB=2kg"), ("-p", "B_AB=1kg", "-p", "B_AB=2kg"),
+    )]  # fmt: skip
+    alone = [[at["mass_kg"] for at in one.json["counter_masses"]] for one in done[:2]]
+    together = [[at["mass_kg"] for at in one["counter_masses"]] for one in done[2].json["sets"]]
+    np.testing.assert_allclose(together, alone, rtol=1e-6)  # they rise, so that sets that only grow are the best alone
 
 
 def test_sets_that_grow_for_the_payloads_of_the_source() -> None:
