@@ -459,7 +459,7 @@ def sizing_system(
 
 
 def of_any_mass(system: Mapping[str, Any]) -> tuple[Floats, float]:
-    """Masses (sites times loads,) [kg] of least square error, and what no others are below [square of its unit]."""
+    """Masses, (sites * loads,) [kg], of least square error, and what no others are below [square of its unit]."""
     groups, parts = system["equal"], system["sums"]
     share = np.zeros((len(system["limits"]), len(groups)))
     for k, group in enumerate(groups):

@@ -160,6 +160,8 @@ def test_masses_that_are_given_have_a_page(folder):
     assert of["remaining_percent"] == pytest.approx(100.0 * root[1] / root[0])
     assert {one["site"]: one["mass_kg"] for one in of["counter_masses"]} == GIVEN
     assert "given, not sized" in text
+    mounted = ", ".join(f"{site} {mass:.4f} kg" for site, mass in GIVEN.items())
+    assert text.count(f"<bdi>{mounted}</bdi>") == 2  # in the lead, and in the provenance
     assert code == 3
     assert "would balance it completely" in document["proof"]
     done = call(
