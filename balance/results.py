@@ -186,7 +186,8 @@ class Shown:
     def __init_subclass__(cls, *, rows: str = "", figure: str = "") -> None:
         super().__init_subclass__()
         cls._rows, cls._figure = rows or cls._rows, figure or cls._figure
-        cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]  # before the dataclass writes one of all its fields
+        if "__repr__" not in vars(cls):  # before the dataclass writes one of all its fields
+            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]
 
     def table(self) -> "pandas.DataFrame":
         """A DataFrame, a row each; the columns are the keys of the JSON document, with the unit at their end."""

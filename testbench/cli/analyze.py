@@ -252,14 +252,14 @@ def _print_examination(examination: "Examination", shown: list[str]) -> None:
     options.print_findings(replace(some[0], run=named[cause]).finding for cause, some in causes.items())
     if len(causes) < sum(map(len, causes.values())):
         say("Values are of the first run; --all: of each.")
-    sharing: dict[str, list[str]] = {}
+    sharing: dict[str, dict[str, list[str]]] = {}
     for run in shown:
         if run in examination.unexamined:
-            reason = examination.unexamined[run].removeprefix(f"{run}: ")
-            sharing.setdefault(f"not examined: {reason}", []).append(run)
+            text = f"not examined: {examination.unexamined[run].removeprefix(f'{run}: ')}"
+            sharing.setdefault("", {}).setdefault(text, []).append(run)
         elif missing := examination.unwitnessed(run):
-            why = examination.why_unwitnessed(run)
-            text = f"not confirmed by another signal: {', '.join(missing)}{f' ({why})' if why else ''}"
-            sharing.setdefault(text, []).append(run)
-    for text, runs in sharing.items():
-        say(f"{', '.join(runs)}: {text}")
+            text = f"not confirmed by another signal: {', '.join(missing)}"
+            sharing.setdefault(examination.why_unwitnessed(run), {}).setdefault(text, []).append(run)
+    for why, by_text in sharing.items():
+        said = "; ".join(f"{', '.join(runs)}: {text}" for text, runs in by_text.items())
+        say(f"{said}{f' ({why})' if why else ''}")

@@ -22,8 +22,9 @@ from balance.units import G0
 from ..recording import mounted_masses
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
+from .peak_accelerations import Peak
 from .statement import Statement, misread
-from .torque_comparison import Unlike, comparable_torques, unlike_others
+from .torque_comparison import Unlike, comparable_torques, compared
 
 ROUNDS = 12
 """Of Gauss-Newton; from stated payloads five suffice."""
@@ -234,37 +235,39 @@ def accelerations(seen: Observation) -> list[Statement]:
     Of joints the run table may state the largest of one joint or, as motion files do, that along the leg.
     """
     turning, stated = seen.conditions.get("peak_acceleration_rad_s2"), seen.conditions.get("peak_acceleration_g")
-    shown: list[tuple[str, float, float, str]] = []
+    shown: list[tuple[str, float, Peak, str]] = []
     if turning and seen.peak_joint_acceleration:
-        nearest = min(seen.peak_joint_acceleration, key=lambda peak: abs(peak - turning))
+        nearest = min(seen.peak_joint_acceleration, key=lambda peak: abs(peak.value - turning))
         shown.append(("encoders", turning, nearest, "rad/s2"))
     for witness, value in seen.peak_acceleration.items():
-        if stated and value > 0.0 and (witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS):
+        if stated and value.value > 0.0 and (witness == "command" or seen.conditions.get("motion") in NAMED_MOTIONS):
             shown.append((witness, stated * G0, value, "m/s2"))
 
     found = _by_stored_motion(seen) if not turning else []
-    for witness, wanted, value, unit in shown:
-        table, text = (f"{v:.4g} {unit}" + (f" = {v / G0:.3g} g0" if unit == "m/s2" else "") for v in (wanted, value))
-        code = "acceleration_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE[witness] else None
+    for witness, wanted, peak, unit in shown:
+        code = "acceleration_contradiction" if peak.contradicts(wanted, ACCELERATION_SHARE[witness]) else None
         column = "peak_acceleration_g" if unit == "m/s2" else "peak_acceleration_rad_s2"
-        found.append(
-            Statement(seen.name, "acceleration", None, f"peak {table} by the run table", text, f"the {witness}", code,
-                      column=column)
-        )  # fmt: skip
+        found.append(_peak_statement(seen, wanted, peak, unit, "run table", witness, code, column))
     return found
 
 
 def _by_stored_motion(seen: Observation) -> list[Statement]:
     """The peak acceleration of joints by the encoders, against the stored motion's where the run table states none."""
     pairs = list(zip(seen.wanted_peaks, seen.peak_joint_acceleration, strict=False))
-    if not pairs or min(min(pair) for pair in pairs) <= 0.0:
+    if not pairs or min(min(wanted, peak.value) for wanted, peak in pairs) <= 0.0:
         return []
-    wanted, value = min(pairs, key=lambda pair: abs(np.log(pair[1] / pair[0])))
-    code = "motion_contradiction" if abs(value / wanted - 1.0) > ACCELERATION_SHARE["encoders"] else None
-    return [
-        Statement(seen.name, "acceleration", None, f"peak {wanted:.4g} rad/s2 by the stored motion",
-                  f"{value:.4g} rad/s2", "the encoders", code)
-    ]  # fmt: skip
+    wanted, peak = min(pairs, key=lambda pair: abs(np.log(pair[1].value / pair[0])))
+    code = "motion_contradiction" if peak.contradicts(wanted, ACCELERATION_SHARE["encoders"]) else None
+    return [_peak_statement(seen, wanted, peak, "rad/s2", "stored motion", "encoders", code, "")]
+
+
+def _peak_statement(
+    seen: Observation, wanted: float, peak: Peak, unit: str, source: str, witness: str, code: str | None, column: str
+) -> Statement:
+    table, text = (f"{v:.4g} {unit}" + (f" = {v / G0:.3g} g0" if unit == "m/s2" else "") for v in (wanted, peak.value))
+    text += f" [{peak.least:.4g}, {peak.most:.4g}]" if peak.less < peak.more else ""
+    return Statement(seen.name, "acceleration", None, f"peak {table} by the {source}", text, f"the {witness}", code,
+                     column=column)  # fmt: skip
 
 
 def motions(seen: Observation) -> list[Statement]:
@@ -291,32 +294,63 @@ def motions(seen: Observation) -> list[Statement]:
     ]  # fmt: skip
 
 
+WITNESS = "its sensors beside those of its repeats"
+Apart = Mapping[tuple[str, str], float]
+"""By logger and channel, the logarithm of the ratio of sizes in two runs [-]."""
+
+
 def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
     """Runs whose forces, torques and base accelerations are unlike all their repeats, and like runs with other masses.
 
-    Sizes of channels are compared, which needs no model. Where both of two repeats are, torques that follow the model
-    with the masses of the run table tell which of them carries these.
+    Sizes of channels are compared, which needs no model. Where both of two repeats are unlike, torques that follow the
+    model with the masses of the run table tell which of them carries these. Where the channels of one logger alone are
+    unlike, and those of another are not, its logs may be exchanged with those of a run that shows the inverse.
     """
-    found = []
+    found, like = list[Statement](), dict[tuple[str, str], tuple[Observation, Observation, list[str]]]()
     for seen in observations:
         same = [o for o in observations if o.unmounted_condition == seen.unmounted_condition]
         apart = {o.name: _apart(seen, o, same) for o in same if o is not seen}
         repeats = [o for o in same if o is not seen and o.counter_masses == seen.counter_masses]
-        others = [(d, o) for o in same if o.counter_masses != seen.counter_masses and (d := apart[o.name]) is not None]
-        away = [d for o in repeats if (d := apart[o.name]) is not None]
-        if not away or not others:
+        others = [o for o in same if o.counter_masses != seen.counter_masses]
+        if (nearest := _like_others(apart, repeats, others)) is None:
             continue
-        near, like = min(others, key=lambda one: one[0])
-        wrong = min(away) > NO_REPEAT and near < min(NEAR_SHARE * min(away), NO_REPEAT)
+        factor, other, wrong = nearest
         wrong = wrong and not (_follows(seen, same) and not any(_follows(o, same) for o in repeats))
-        size = f"{np.exp(min(away)):.2g}, the median of its channels"
-        witnessed = f"its channels differ from those of {repeats[0].name}, a repeat, by a factor of {size}"
-        witnessed += f", and agree with those of {like.name}, with {_masses(like.counter_masses)}" if wrong else ""
-        found.append(
-            Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table", witnessed,
-                      "its sensors beside those of its repeats", "counter_mass_contradiction" if wrong else None)
-        )  # fmt: skip
-    return found
+        right = [one for one in seen.rig.loggers if _tells_repeat(apart, repeats, others, one)]
+        if wrong or right:
+            witnessed = f"channels of {' and '.join(right)} are as large as in {repeats[0].name}, a repeat"
+            if wrong:
+                witnessed = (
+                    f"its channels differ from those of {repeats[0].name}, a repeat, by a factor of {factor:.2g}, "
+                )
+                witnessed += f"the median, and agree with those of {other.name}, with {_masses(other.counter_masses)}"
+            stated = f"{_masses(seen.counter_masses)} by the run table"
+            code = "counter_mass_contradiction" if wrong else None
+            found.append(Statement(seen.name, "counter-masses", None, stated, witnessed, WITNESS, code))
+        for logger in seen.rig.loggers if right else []:
+            alone = _like_others(apart, repeats, others, logger)
+            if logger not in right and alone is not None and alone[2]:
+                like[seen.name, logger] = seen, alone[1], right
+    mixed = [s for run, logger in like if (s := _exchanged_logs(run, logger, like)) is not None]
+    return [s for s in found if s.run not in {one.run for one in mixed}] + mixed
+
+
+def _exchanged_logs(
+    run: str, logger: str, like: Mapping[tuple[str, str], tuple[Observation, Observation, list[str]]]
+) -> Statement | None:
+    """That the log of a logger is like those of another condition, of which a run's is like those of this one's."""
+    seen, other, right = like[run, logger]
+    each = [one for (_, its), one in like.items() if its == logger]
+    others = tuple(
+        one.name for one, its, _ in each if (one.condition, its.condition) == (other.condition, seen.condition)
+    )
+    if not others:
+        return None
+    stated = f"{_masses(seen.counter_masses)} by the run table and as {' and '.join(right)} confirm"
+    witnessed = f"channels of {logger} agree with those of {other.name}, with {_masses(other.counter_masses)}: logs of "
+    witnessed += f"{logger} exchanged between {run} and {' or '.join(others)}?"
+    return Statement(run, "counter-masses", None, stated + "s" * (len(right) == 1), witnessed, WITNESS,
+                     "counter_mass_contradiction", others, because="copied_run")  # fmt: skip
 
 
 def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
@@ -331,13 +365,51 @@ def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
     return bool(found) and all(found)
 
 
-def _apart(seen: Observation, other: Observation, same: Sequence[Observation]) -> float | None:
-    """Median over channels of the logarithms of sizes' ratios, of all that shakes above the noise; None of nothing.
+def _is_like(away: float, near: float) -> bool:
+    """Whether sizes that are ``away`` from all of some runs are ``near`` those of others [logarithms]."""
+    return away > NO_REPEAT and near < min(NEAR_SHARE * away, NO_REPEAT)
+
+
+def _like_others(
+    apart: Mapping[str, Apart], repeats: Sequence[Observation], others: Sequence[Observation], logger: str = ""
+) -> tuple[float, Observation, bool] | None:
+    """Factor between sizes and those of the nearest repeat, the nearest run with other masses, and whether sizes are
+    like its; medians over the channels of a logger, or of all. None where nothing is compared.
+    """
+
+    def median(other: Observation) -> float | None:
+        sizes = [d for (its, _), d in apart[other.name].items() if logger in {"", its}]
+        return float(np.median(sizes)) if sizes else None
+
+    away = [d for o in repeats if (d := median(o)) is not None]
+    nearby = [(d, o) for o in others if (d := median(o)) is not None]
+    if not away or not nearby:
+        return None
+    near, other = min(nearby, key=lambda one: one[0])
+    return float(np.exp(min(away))), other, _is_like(min(away), near)
+
+
+def _tells_repeat(
+    apart: Mapping[str, Apart], repeats: Sequence[Observation], others: Sequence[Observation], logger: str
+) -> bool:
+    """Whether a channel of a logger is like a repeat and unlike all runs with other masses, and none the reverse."""
+    votes = set[bool]()
+    for key in set[tuple[str, str]]().union(*(apart[o.name] for o in repeats)):
+        away, near = ([apart[o.name][key] for o in some if key in apart[o.name]] for some in (repeats, others))
+        if near and key[0] == logger and _is_like(min(near), min(away)):
+            votes.add(True)
+        elif near and key[0] == logger and _is_like(min(away), min(near)):
+            votes.add(False)
+    return votes == {True}
+
+
+def _apart(seen: Observation, other: Observation, same: Sequence[Observation]) -> Apart:
+    """By logger and channel the logarithm of the sizes' ratio, of all that shakes above the noise.
 
     A channel that is larger or smaller in one of the two than in all other runs of the ``same`` condition, with and
     without counter-masses, is another gain and no other mass.
     """
-    found = []
+    found = dict[tuple[str, str], float]()
     for channel, record in seen.records.items():
         beside, column = other.records.get(channel), record.column
         if beside is None or {record.dead, beside.dead, record.clipped, beside.clipped} != {False}:
@@ -347,8 +419,8 @@ def _apart(seen: Observation, other: Observation, same: Sequence[Observation]) -
         if moved or not large > ABOVE_NOISE * max(record.noise, beside.noise) or not small > 0.0:
             continue
         if not any(_is_odd(one, channel, same) for one in (seen, other)):
-            found.append(np.log(large / small))
-    return float(np.median(found)) if found else None
+            found[column.logger, channel] = float(np.log(large / small))
+    return found
 
 
 def _is_odd(seen: Observation, channel: str, same: Sequence[Observation]) -> bool:
@@ -361,22 +433,24 @@ def _is_odd(seen: Observation, channel: str, same: Sequence[Observation]) -> boo
 
 
 def mounted(
-    observations: Sequence[Observation], unlike: Collection[str]
+    observations: Sequence[Observation], unlike: Collection[str], mixed: Collection[str] = ()
 ) -> tuple[list[Statement], dict[str, Mapping[str, float]]]:
     """Statements on counter-masses and torques, and the counter-masses that explain each run's torques.
 
     A run whose torques are in no relation to the model's has none, nor has one that is ``unlike`` its repeats unless
     the torques of the others tell what it carried. With the wrong counter-masses torques ask for a negative scale and a
-    negative payload: a counter-mass carries weight on the other side of its arm.
+    negative payload: a counter-mass carries weight on the other side of its arm. Of runs whose logs are ``mixed`` with
+    those of another nothing is stated.
     """
+    observations = [o for o in observations if o.name not in mixed]
     sets = [dict(s) for s in {tuple(sorted(o.counter_masses.items())): None for o in observations} if s]
     statements: list[Statement] = []
     found: dict[str, Mapping[str, float]] = {}
-    others = unlike_others(observations)
+    beside = compared(observations)
     for seen in observations:
         if seen.torque is None or "payload_kg" not in seen.conditions:
             continue
-        if (cause := others.get(seen.name)) is not None:
+        if (cause := beside.unlike.get(seen.name)) is not None:
             statements.append(_beside_others(seen, cause))
             if cause.masses is not None:
                 found[seen.name] = cause.masses
@@ -389,8 +463,8 @@ def mounted(
         if gross:
             continue
         found[seen.name] = masses = _fitting_masses(seen, stated, [{}] if seen.counter_masses else sets)
-        if sets:
-            wrong = "counter_mass_contradiction" if masses != seen.counter_masses else None
+        wrong = "counter_mass_contradiction" if masses != seen.counter_masses else None
+        if wrong or (sets and seen.name in beside.confirmed):
             statements.append(
                 Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table",
                           _masses(masses), "the drives' torques", wrong)
@@ -403,6 +477,13 @@ def _beside_others(seen: Observation, cause: Unlike) -> Statement:
     if cause.masses is not None:
         return Statement(seen.name, "counter-masses", None, f"{_masses(seen.counter_masses)} by the run table",
                          _masses(cause.masses), witness, "counter_mass_contradiction")  # fmt: skip
+    if not cause.joint:
+        witnessed = (
+            f"{cause.times:.2g} times what the model leaves unexplained in other runs with these counter-masses; "
+        )
+        witnessed += "neither another payload, friction or gain nor counter-masses explain it"
+        stated = f"torques as in the other runs with {_masses(seen.counter_masses)}"
+        return Statement(seen.name, "torque", None, stated, witnessed, witness, "torque_contradiction")
     channel = next(c.channel for c in seen.rig.columns_of(Torque) if c.component == cause.joint)
     return Statement(seen.name, "gain", channel, f"torque of {cause.joint} as in the other runs",
                      f"{cause.gain:.3g} times that", witness, "gain_contradiction")  # fmt: skip

@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from html import escape
 from typing import Any
 
 from balance.errors import CounterpoiseError
@@ -21,6 +22,7 @@ from .conditions import UNDETERMINED, TorqueBalance, accelerations, in_grams, mo
 from .copies import OneRecording, copies
 from .observation import Observation, observe
 from .paths import encoder_paths, record_ends
+from .repeated_sizes import repeated_sizes
 from .repeated_vibration import repeated_vibration
 from .sensors import examined_sensors, levels, mechanisms
 from .statement import WITHHOLDING, Statement, decisions
@@ -38,6 +40,8 @@ OF_CHANNELS = frozenset({
 WITNESSED = ("payload", "counter-masses", "acceleration", "axis", "gain", "sign", "rest", "copy")
 """Subjects of which a run should have a witness."""
 
+MOST_SHOWN = 20
+"""Contradictions that the prompt shows."""
 DOUBTED = "contradicted"
 """Key of the reason that comes before those of single witnesses."""
 
@@ -63,6 +67,16 @@ class Examination(Shown, rows="statements"):
     """By run, why nothing can be heard of it."""
     sensors: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)
     """By run, accelerometers of several axes and their channels."""
+
+    def __repr__(self) -> str:
+        """The verdict and what contradicts; all else is in the table."""
+        found = [finding.message for finding in self.findings]
+        more = [f"and {len(found) - MOST_SHOWN} more: .findings"] if len(found) > MOST_SHOWN else []
+        also = f"{len(self.statements)} statements: .table()"
+        return "\n".join([f"Examination: {self.verdict(self.runs)}", *found[:MOST_SHOWN], *more, also])
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.verdict(self.runs))}</p>{super()._repr_html_()}"
 
     @cached_property
     def contradictions(self) -> tuple[Statement, ...]:
@@ -214,7 +228,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     statements += [*mechanisms(seen), *misstated, *(repeats := unlike_repeats(weighed))]
     for one in seen:
         statements += [*accelerations(one), *motions(one)]
-    about_masses, masses = mounted(weighed, {s.run for s in repeats if s.code})
+    mixed = {s.run for s in repeats if s.because}
+    about_masses, masses = mounted(weighed, {s.run for s in repeats if s.code}, mixed)
     about_payload, torque = payloads(weighed, masses)
     if torque is None:
         reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
@@ -226,7 +241,8 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     found = examined_sensors(seen, unsure)
     statements += [s for s in found if s.code != "flat_channel" or (s.run, s.channel) not in flat]
     known = {(s.run, s.channel) for s in statements if s.code in {"axis_contradiction", "sign_contradiction"}}
-    statements += repeated_vibration([one for one in seen if one.name not in unsure], known)
+    statements += repeated_vibration(sure := [one for one in seen if one.name not in unsure], known)
+    statements += repeated_sizes(sure, {(s.run, s.channel) for s in statements if s.code in OF_CHANNELS})
     statements = _since(statements, list(reasons))
     said = _whose(recordings, statements)
     copied = {s.run for one, whose in zip(recordings, said, strict=True) if len(whose) < len(one.runs) for s in whose}

@@ -60,6 +60,10 @@ class ModelledRun:
     group: str
     """The group of the encoders, whose clock counts."""
     grid: Grid
+    fine: Grid
+    """Of the encoders themselves."""
+    cutoff: float
+    """Low pass of the positions [Hz]."""
     path: Trajectory
     valid: Mask
     """Samples that neither gaps nor the ends touch, (n,) [-]."""
@@ -91,7 +95,7 @@ class ModelledRun:
         valid = gaps.valid_samples(coarse, gap_reach(BAND_HZ))
         edge = round(EDGE_S * coarse.rate)
         valid[:edge] = valid[len(valid) - edge :] = False
-        return cls(run, unloaded, mechanism, group, coarse, path, valid)
+        return cls(run, unloaded, mechanism, group, coarse, fine, cutoff, path, valid)
 
     def smooth(self, values: Floats) -> Floats:
         """Values (n, ...) on the grid below BAND_HZ, (n, ...)."""

@@ -31,6 +31,7 @@ from ..rig import Column, Rig
 from ..rig.sensors import Accelerometer, Encoder, Target, Torque
 from ..runs.si_run import SIRun
 from .model_loads import BAND_HZ, EDGE_S, LEAST_SAMPLES, ModelledRun
+from .peak_accelerations import EncoderErrors, Peak
 
 BLOCKS = 8
 """Blocks of a run, for the block jackknife."""
@@ -147,9 +148,9 @@ class Observation:
     """By channel, the file of its log; its group where that is not known."""
     records: dict[str, ChannelRecord] = field(default_factory=dict)
     """By channel."""
-    peak_acceleration: dict[str, float] = field(default_factory=dict)
+    peak_acceleration: dict[str, Peak] = field(default_factory=dict)
     """Of what is driven, by ``command`` and ``encoders`` [m/s2]."""
-    peak_joint_acceleration: tuple[float, ...] = ()
+    peak_joint_acceleration: tuple[Peak, ...] = ()
     """Of joints that turn and have an encoder: largest of one joint, and of the norm over all [rad/s2]."""
     encoders: tuple[str, ...] = ()
     """Channels of the encoders."""
@@ -230,8 +231,8 @@ def observe(run: SIRun, mechanism: Callable[[], Mechanism]) -> Observation:
     with seen.witness("command"):
         if not (target := run.rig.columns_of(Target)):
             raise AnalysisError("the rig has no target")
-        seen.peak_acceleration["command"] = float(np.linalg.norm(run.stacked(target), axis=1).max())
-        seen.moves |= seen.peak_acceleration["command"] > 0.0
+        seen.peak_acceleration["command"] = Peak(float(np.linalg.norm(run.stacked(target), axis=1).max()))
+        seen.moves |= seen.peak_acceleration["command"].value > 0.0
         group, legs, gaps = legs_by_command(run)
         seen.motions["command"] = name_motions(legs, "command", group, gaps)
     with seen.witness("acceleration"):
@@ -336,16 +337,20 @@ def _keep_speeds(seen: Observation, run: SIRun, columns: list[Column]) -> None:
 def _by_model(seen: Observation, run: ModelledRun) -> None:
     """What the encoders show, and the readings of all sensors against the model along their motion."""
     grid, tree = run.grid, run.unloaded.tree
-    joints = [run.unloaded.coordinate_index(column.component) for column in run.run.rig.columns_of(Encoder)]
-    if turning := [joint for joint in joints if tree.joints[joint].revolute]:
-        found = np.abs(run.path.a[run.valid][:, turning])
-        along = np.linalg.norm(found, axis=1)
-        seen.peak_joint_acceleration = (float(found.max(initial=0.0)), float(along.max(initial=0.0)))
+    columns = run.run.rig.columns_of(Encoder)
+    joints = [run.unloaded.coordinate_index(column.component) for column in columns]
+    errors = EncoderErrors(run, columns)
+    if turning := [n for n, joint in enumerate(joints) if tree.joints[joint].revolute]:
+        own, each = run.path.a[:, joints], np.eye(len(joints))
+        single = max((errors.peak(own[:, [n]], each[n]) for n in turning), key=lambda peak: peak.value)
+        seen.peak_joint_acceleration = (single, errors.peak(own[:, turning], each[turning].sum(axis=0)))
     seen.moves |= bool(np.ptp(run.path.q, axis=0).max() > MOVED)
     with seen.witness("place"):
         speed = np.gradient(run.place, grid.step, axis=0)
-        acceleration = np.linalg.norm(np.gradient(speed, grid.step, axis=0), axis=1)
-        seen.peak_acceleration["encoders"] = float(acceleration[run.valid].max(initial=0.0))
+        rates = np.abs(run.path.v[run.valid][:, joints]).max(axis=0, initial=0.0)
+        ratio = float(np.linalg.norm(speed[run.valid], axis=1).max(initial=0.0) / max(np.linalg.norm(rates), 1e-300))
+        acceleration = np.gradient(speed, grid.step, axis=0)
+        seen.peak_acceleration["encoders"] = errors.peak(acceleration, np.full(len(joints), ratio))
         legs = legs_of_path(grid.time, run.place, np.linalg.norm(speed, axis=1), REST_SHARE["encoders"])
         gaps = next(iter(encoder_gaps(run.run).spans.values()), NO_GAP)
         seen.motions["encoders"] = name_motions(legs, "encoders", run.group, gaps)

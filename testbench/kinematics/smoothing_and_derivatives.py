@@ -146,6 +146,15 @@ def smoothed_derivatives(position: Floats, cutoff: float, rate: float) -> Rates:
     return Rates(smooth, np.asarray(spline.derivative(1)(instants)), np.asarray(spline.derivative(2)(instants)))
 
 
+def reading_steps(readings: Floats) -> Floats:
+    """Least step between values of each of several channels (n, k) [any unit], (k,) [the same]; 0 of one value only."""
+    found = np.zeros(readings.shape[1])
+    for k, values in enumerate(readings.T):
+        steps = np.diff(np.unique(values))
+        found[k] = steps[steps > 1e-9 * np.ptp(values)].min(initial=np.inf) if len(steps) else 0.0
+    return found
+
+
 def rest_speeds(records: Sequence[tuple[Floats, Floats]], bandwidth: float, turning: Sequence[bool]) -> Floats:
     """Speeds below which joints rest, where dry friction may balance any torque, (joints,) [rad/s, m/s].
 
@@ -155,9 +164,7 @@ def rest_speeds(records: Sequence[tuple[Floats, Floats]], bandwidth: float, turn
     found = np.full(len(turning), 1e-12)
     for readings, speeds in records:
         noise = READING_SIGMA * np.sqrt(np.mean(np.diff(readings, 3, axis=0) ** 2, axis=0) / 20.0)
-        for k, values in enumerate(readings.T):
-            steps = np.diff(np.unique(values))
-            step = steps[steps > 1e-9 * np.ptp(values)].min(initial=np.inf) if len(steps) else 0.0
+        for k, step in enumerate(reading_steps(readings)):
             found[k] = max(
                 found[k], REST_PART * np.abs(speeds[:, k]).max(), STEP_SPEED * bandwidth * max(step, noise[k])
             )

@@ -13,15 +13,24 @@ from studies import lies
 from studies.lies import LIES, LIES_BESIDE_REPEATS, Witnesses
 from studies.simulated_runs import with_values
 from testbench.cross_examination import sensors
-from testbench.cross_examination.conditions import accelerations, in_grams
+from testbench.cross_examination.conditions import accelerations, in_grams, unlike_repeats
 from testbench.cross_examination.copies import OneRecording
 from testbench.cross_examination.examination import Examination, _since, _whose
-from testbench.cross_examination.observation import DRIVE_TERMS, Observation, Response, TorqueEquations
+from testbench.cross_examination.observation import (
+    DRIVE_TERMS,
+    ChannelRecord,
+    Observation,
+    Response,
+    TorqueEquations,
+)
+from testbench.cross_examination.outlying import outlying
+from testbench.cross_examination.peak_accelerations import Peak
+from testbench.cross_examination.repeated_sizes import repeated_sizes
 from testbench.cross_examination.repeated_vibration import repeated_vibration
 from testbench.cross_examination.statement import Statement
-from testbench.cross_examination.torque_comparison import unlike_others
+from testbench.cross_examination.torque_comparison import EXPLAINS, compared
 from testbench.rig import load_rig
-from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Wrench
+from testbench.rig.sensors import Accelerometer, Encoder, ForceSensor, Torque, Wrench
 from testbench.runs.si_run import SIRun
 from testbench.store import open_campaign
 from testbench.store.ledger import enter_not_stored, read_ledger
@@ -244,12 +253,151 @@ def test_a_run_that_is_gentler_or_faster_than_the_others(speed, carried, gain, t
     rng, both = np.random.default_rng(1), {"left": 4.0, "right": 4.0}
     runs = [_two_joint_arm("odd", speed, both, carried, gain, rng)]
     runs += [_two_joint_arm(f"r{i}", 1.0, mounted, mounted, 1.0, rng) for i in range(3) for mounted in (both, {})]
-    found = unlike_others(runs)
+    found = compared(runs).unlike
     assert list(found) == (["odd"] if told else [])
     if told == "masses":
         assert found["odd"].masses == carried
     if told == "gain":
         assert (found["odd"].joint, found["odd"].gain) == ("j1", pytest.approx(gain, abs=0.03))
+
+
+HEAVY, LIGHT = {"left": 4.0, "right": 4.0}, {"left": 2.9, "right": 3.1}
+
+
+def _arms(odd, seed, *, count=3):
+    """Runs of a two-joint arm without counter-masses and with two sets, ``count`` each, the first of them ``odd``."""
+    rng = np.random.default_rng(seed)
+    first = _two_joint_arm("odd", 1.0, *odd, 1.0, rng)
+    return [first] + [_two_joint_arm(f"r{i}{len(m)}{sum(m.values()):g}", 1.0, m, m, 1.0, rng)
+                      for i in range(count) for m in (HEAVY, LIGHT, {})]  # fmt: skip
+
+
+@pytest.mark.parametrize(("stated", "carried"), [(HEAVY, LIGHT), (LIGHT, HEAVY), (LIGHT, {}), ({}, LIGHT)])
+def test_another_set_of_counter_masses_than_stated(stated, carried):
+    """Of two similar ones too: that one is named, and nothing confirms the stated one."""
+    found = compared(runs := _arms((stated, carried), 2))
+    assert {run: one.masses for run, one in found.unlike.items()} == {"odd": carried}
+    assert found.confirmed == {run.name for run in runs[1:]}
+
+
+def test_counter_masses_that_no_run_states():
+    """Within three standard deviations of what the scatter of the other runs leaves of a mass."""
+    found = compared(_arms((HEAVY, {"left": 5.0, "right": 4.0}), 3)).unlike
+    assert list(found) == ["odd"]
+    assert found["odd"].masses == pytest.approx({"left": 5.0, "right": 4.0}, abs=0.1)
+
+
+def test_honest_arms_are_seldom_suspected():
+    """FALSE_ALARMS is 1 in 100 campaigns: of 60 two or more are one in ten thousandth; all masses are confirmed."""
+    found = [compared(_arms((HEAVY, HEAVY), seed)) for seed in range(60)]
+    assert sum(bool(one.unlike) for one in found) <= 2
+    assert all(len(one.confirmed) == 10 for one in found if not one.unlike)
+
+
+def test_sets_that_torques_do_not_tell_apart_are_not_confirmed():
+    """Half a gram more at one site is below the noise: a run that states it is neither wrong nor confirmed."""
+    runs = _arms((HEAVY | {"left": 4.0005}, HEAVY), 4)
+    found = compared(runs)
+    assert not found.unlike
+    assert not {run.name for run in runs if run.counter_masses.get("left", 0.0) >= 4.0} & found.confirmed
+
+
+def test_a_run_that_nothing_explains():
+    """Torques of another machine beside the model's in one run: said, with how much more is left than in its peers."""
+    runs = _arms((HEAVY, HEAVY), 5, count=4)
+    odd = _two_joint_arm("odd", 1.0, HEAVY, HEAVY, 1.0, np.random.default_rng(5))
+    products = odd.torque.products.copy()
+    products[..., 0, 0] *= 1.05  # a share of the torque that is in no column
+    odd.torque = replace(odd.torque, products=products)
+    found = compared([odd, *runs[1:]]).unlike
+    assert [(run, one.masses, one.joint) for run, one in found.items()] == [("odd", None, "")]
+    assert found["odd"].times > EXPLAINS
+
+
+@pytest.mark.parametrize(("rate", "most"), [(0.05, 0.065), (0.01, 0.017)])
+def test_false_alarms_of_outlying_values(rate, most):
+    """Of 3000 normal samples each, to three standard deviations of the count; two far ones of ten are found."""
+    for count in (5, 12):
+        samples = np.random.default_rng(count).normal(size=(3000, count))
+        assert np.mean([outlying(values, rate).any() for values in samples]) < most
+    values = np.append(np.random.default_rng(1).normal(size=10), [30.0, 40.0])
+    assert np.flatnonzero(outlying(values, rate)).tolist() == [10, 11]
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.3, 0.77])
+def test_a_gain_that_repeats_show(factor):
+    """Of one channel in one of three repeats of four conditions, 2 % of scatter: that alone; else none."""
+    rig, rng, runs = load_rig("parallelogram-6bar"), np.random.default_rng(7), []
+    columns = [column for column in rig.columns() if column.sensor in rig.base_accelerometers][:2]
+    channels = tuple(column.channel for column in columns)
+    shapes = np.cumsum(rng.normal(size=(4, 400, 2)), axis=1) + 5.0 * np.sin(np.arange(400) / 7.0)[None, :, None]
+    for i in range(12):
+        gains = np.exp(rng.normal(0.0, 0.02, 2)) * ([1.0, factor] if i == 4 else [1.0, 1.0])
+        seen = Observation(f"r{i}", {"payload_kg": 1.0 + i % 4, "motion": "x"}, rig)
+        seen.vibrations[channels] = gains * shapes[i % 4] + rng.normal(0.0, 0.1, (400, 2))
+        for column in columns:
+            record = ChannelRecord(column, "daq", np.zeros(8), 1e3, False, None, False, 0.1, 0.0, 9.0)
+            seen.records[column.channel] = record
+        runs.append(seen)
+    found = [s for s in repeated_sizes(runs) if s.code]
+    assert [(s.run, s.channel) for s in found] == ([("r4", channels[1])] if factor != 1.0 else [])
+
+
+@pytest.mark.parametrize("degrees", [0.02, 0.05, 0.2])
+def test_steps_of_an_encoder_are_no_acceleration(campaign, degrees):
+    """A peak by rounded encoders: what it leaves open holds that of the others, and the motion is as stored."""
+    run = campaign[0][0]
+    (exact, _), rounded = Witnesses()._observed(run).peak_joint_acceleration, run
+    for column in SIRun.of(run).rig.columns_of(Encoder):
+        step = np.radians(degrees)
+        rounded = with_values(rounded, column.channel, step * np.round(run.channel(column.channel) / step))
+    seen = Witnesses()._observed(rounded)
+    peak = seen.peak_joint_acceleration[0]
+    assert peak.least < exact.most
+    assert peak.most > exact.least
+    assert not [s for s in accelerations(seen) if s.code]
+
+
+def test_logs_of_one_logger_exchanged(logs_of_an_arm):
+    """Of the accelerometer's logger alone, between a run with counter-masses and one without: both, each the other."""
+    runs = logs_of_an_arm
+    assert not unlike_repeats(runs) or all(s.code is None for s in unlike_repeats(runs))
+    told = [replace(run, records=dict(run.records)) for run in runs]
+    daq = [channel for channel, record in runs[0].records.items() if record.column.logger == "daq"]
+    for channel in daq:
+        told[0].records[channel], told[1].records[channel] = runs[1].records[channel], runs[0].records[channel]
+    found = [s for s in unlike_repeats(told) if s.code]
+    assert {(s.run, s.others) for s in found} == {("r0", ("r1",)), ("r1", ("r0",))}
+    assert all("logs of daq exchanged" in s.witnessed and "log" in s.advice for s in found)
+
+
+@pytest.fixture
+def logs_of_an_arm():
+    """Three repeats with counter-masses and three without, sizes of five channels on two loggers, 3 % of scatter."""
+    rig, rng, runs = load_rig("parallelogram-6bar"), np.random.default_rng(6), []
+    columns = [
+        c for c in rig.columns() if c.sensor in rig.base_accelerometers or isinstance(rig.sensors[c.sensor], Torque)
+    ]
+    for i in range(6):
+        masses = {} if i % 2 else {"counter_A_left": 6.0}
+        seen = Observation(f"r{i}", {"payload_kg": 2.0, "motion": "x", "counter_masses": masses}, rig)
+        for column in columns:
+            size = (3.0 if i % 2 else 1.0) if column.logger == "daq" else (0.4 if i % 2 else 1.0)
+            size *= np.exp(rng.normal(0.0, 0.03))
+            seen.records[column.channel] = ChannelRecord(
+                column, column.logger, np.zeros(8), 1000.0, False, None, False, 1e-4, 0.0, size
+            )
+        runs.append(seen)
+    return runs
+
+
+def test_the_prompt_shows_the_verdict_and_what_contradicts(campaign):
+    """However many statements there are; none of them is elided."""
+    runs, witnesses = campaign
+    found = witnesses.hear([lies.about(run, payload_kg=3.4) for run in runs])
+    shown = repr(found).splitlines()
+    assert shown[0] == f"Examination: {found.verdict(found.runs)}"
+    assert shown[1:-1] == [one.message for one in found.findings]
 
 
 def _mounted(run, axes, signs):
@@ -652,7 +800,10 @@ def test_a_wrong_model_of_the_base_blames_no_sensor(correlation, flat):
 def test_peak_acceleration(conditions, advised):
     """Of joints the largest of one or that along the leg, 30 and 30 sqrt(2) rad/s2; advice names the column used."""
     seen = Observation("r001", conditions, load_rig("parallelogram-6bar"))
-    seen.peak_joint_acceleration, seen.peak_acceleration = (30.0, 30.0 * 2.0**0.5), {"command": 2.0 * G0}
+    seen.peak_joint_acceleration, seen.peak_acceleration = (
+        (Peak(30.0), Peak(30.0 * 2.0**0.5)),
+        {"command": Peak(2.0 * G0)},
+    )
     (statement,) = accelerations(seen)
     assert (statement.code is None) == (advised is None)
     assert (statement.advice or "").startswith(advised or "")
