@@ -59,7 +59,7 @@ class EncoderErrors:
         self.bands = [hz for hz in BANDS_HZ if hz <= run.cutoff] or [run.cutoff]
 
     def of(self, factors: Floats, cutoff: float) -> float:
-        """Largest error of the norm of accelerations [rad/s2, m/s2] below ``cutoff`` [Hz], encoders times ``factors`` (k,) [-]."""
+        """Largest error of accelerations [rad/s2] below ``cutoff`` [Hz], of encoders times ``factors`` (k,) [-]."""
         most, root = self._response(cutoff)
         return float(np.linalg.norm(factors * (0.5 * self.steps * most + DEVIATIONS * self.noise * root)))
 
@@ -77,7 +77,7 @@ class EncoderErrors:
         return readings * float(np.abs(shown).sum()), float(np.sqrt(readings * np.sum(shown**2)))
 
     def peak(self, accelerations: Floats, factors: Floats) -> Peak:
-        """Largest norm of accelerations (n, k) [rad/s2, m/s2] on the grid, which encoders make with ``factors`` (k,) [-]."""
+        """Largest norm of accelerations (n, k) [rad/s2], made of encoders times ``factors`` (k,) [-]."""
         found = []
         for cutoff in self.bands:
             below = low_pass(accelerations, cutoff, self.run.grid.rate) if cutoff < self.run.cutoff else accelerations
