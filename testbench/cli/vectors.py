@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from balance.cli.framework import Answer, Word, argument, command, option
+from balance.cli.framework import Answer, Quantity, Word, argument, command, option
 from balance.cli.options import FIGURE, draw
 from balance.cli.printing import emit_findings, emit_table, say, with_interval
 
@@ -36,16 +36,20 @@ Examples:
 \b
 Phase counts from the pulse. lead: the peak comes so much of a turn before the pulse, and weight angles
 count with the rotation; lag: so much after it. The file of trial runs must say the same (phase,
-amplitude), as the comment above each table says; planes stand at its head: balance rotor influence --help.
+amplitude), as the comment above each table says; planes stand at its head: balance schema
+trial-runs --text.
 
 \b
 Exit codes: 0 done, 3 done with findings, 1 refused."""
 )
 def vectors(
     run_file: Path = argument("RUN"),
-    tacho: str = option("Channel with one pulse a turn, or an encoder's angle.", default="tacho", metavar="CHANNEL"),
+    tacho: str = option("Channel with pulses, one a turn, or an encoder's angle.", default="tacho", metavar="CHANNEL"),
     level: float | None = option("Level of a pulse, in the channel's unit [default: half swing].", metavar="V"),
     falling: bool = option("Pulses begin where the signal falls."),
+    pulses: int | None = option("Marks a turn [default: 1].", click.IntRange(1), metavar="N"),
+    begin: float | None = option("Use the record from this time on.", Quantity("time"), "--from", metavar="TIME"),
+    end: float | None = option("Use it up to this time, such as 8s.", Quantity("time"), "--to", metavar="TIME"),
     sensor: tuple[str, ...] = option(
         "Vibration sensor [default: all with the tacho, in SI by the rig].", metavar="CHANNEL"
     ),
@@ -67,7 +71,7 @@ def vectors(
 ) -> Answer:
     """Amplitude and phase of each vibration sensor of RUN, a stored run, at an order of its speed.
 
-    The tachometer's pulses cut the record into turns, over which it is averaged; intervals (95 %) come from the noise
+    The tachometer's pulses, one a turn or --pulses, cut the record into turns; intervals (95 %) come from the noise
     near the order, where tones that do not turn with the rotor are fitted and named. Where the speed changes, vectors
     are fitted over it and given at one. Refused: lost or spurious pulses, a speed that is not steady, too few turns.
     """
@@ -95,7 +99,7 @@ def vectors(
     run = open_run(run_file)
     found = order_tracking.vectors(
         run, tacho, sensor, order, speed, level=level, falling=falling, steady_within=steady_within / 100.0,
-        amplitude=amplitude, phase=phase,
+        pulses=pulses, begin=begin, end=end, amplitude=amplitude, phase=phase,
     )  # fmt: skip
     document = found.document()
     draw(figure, "testbench.figures.rotating:draw_vectors", found)
@@ -125,8 +129,9 @@ def _print(run: "Run", found: "Vectors", document: dict[str, Any]) -> None:
     change = f"{document['speed_change_percent']:.2g}" if found.turns.change > _ROUNDING else "0"
     at = f", given at {found.asked}" if found.asked else ""
     say(
-        f"{run.name} ({run.origin}), {found.turns.count} turns at {document['speed_rpm']:.6g} rpm, changing by "
-        f"{change} %{at}: order {found.order} {'; '.join(said[:_SAID])}"
+        f"{run.name} ({run.origin}), {found.turns.count} turns, "
+        f"{found.turns.marks} mark{'s' * (found.turns.marks > 1)} each, "
+        f"at {document['speed_rpm']:.6g} rpm, changing by {change} %{at}: order {found.order} {'; '.join(said[:_SAID])}"
         f"{f' and {len(said) - _SAID} more' if len(said) > _SAID else ''}."
     )
     title = f"Order {found.order} of {run.name} ({run.origin}), {found.amplitude}, phase as {found.phase} of the pulse"

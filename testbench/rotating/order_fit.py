@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 
-from .tachometer import DITHERED
+from .tachometer import DITHERED, LEAST_TURNS, MOST_MARKS
 
 _MOST_TONES = 4
 _FALSE_TONE = 1e-3
@@ -55,6 +55,12 @@ _ZEROS = 16
 _BLOCKS = 1024
 """Blocks of the record that are summed before the transform near the order: many more than lines."""
 _CHUNK = 16_384
+_CELLS = 16
+"""Parts of a turn whose means tell vibration below order 1."""
+_STRONG = 0.2
+"""Amplitude at a part of order 1, over the largest of these and order 1, from which it may be the turn of the rotor."""
+_FALSE_PART = 1e-5
+"""Probability of taking noise for vibration at a part of order 1."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,24 @@ def fit_orders(
     return OrderFit(
         value, covariance, spare, tuple(t.line for t in tones), powers, scatter, left, record.hunting > _HUNTING
     )
+
+
+def slower_vibration(values: Floats, angle: Floats, turns: int) -> int:
+    """Largest number of ``turns``, 2 to 12, in which ``values`` (n,) [unit] at ``angle`` (n,) [turns] strongly vibrate
+    once; 1 where there is none. Of several pulses in a turn these are the turns of the rotor.
+    """
+    area = np.r_[0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(angle))]
+    means = np.diff(np.interp(np.arange(turns * _CELLS + 1) / _CELLS, angle, area))
+    strong, seen = 0.0, dict[int, float]()
+    for n in range(min(MOST_MARKS, turns // LEAST_TURNS), 1, -1):
+        line, whole = turns // n, means[: turns // n * n * _CELLS]
+        share = (np.arange(len(whole)) + 0.5) / len(whole)
+        power = np.abs(np.fft.rfft((whole - whole.mean()) * np.sin(np.pi * share) ** 2)) ** 2 / len(whole) ** 2
+        near = power[max(0, line - _MOST_LINES) : line + _MOST_LINES + 1]
+        strong = max(strong, _STRONG**2 * float(power[[line, n * line]].max()))
+        if power[line] > float(np.median(near)) / np.log(2.0) * np.log(1.0 / _FALSE_PART) and power[line] == near.max():
+            seen[n] = float(power[line])
+    return next((n for n, power in seen.items() if power >= strong), 1)
 
 
 def refit(values: Floats, angle: Floats, turns: int, order: int, shift: Floats | None, terms: int) -> complex:

@@ -6,9 +6,10 @@ by which the peak comes before the pulse. Moving a heavy spot on by an angle wit
 """
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ from ..runs.si_run import physical
 from ..signal import Metric
 from ..store import Run, open_run
 from ..store.run import StoredGroup
-from .order_fit import MAIN_LOBE, MOST_TERMS, SEEN, fit_orders, refit
-from .tachometer import STEADY_WITHIN, Mark, Turns, encoder_mark, steady_turns
+from .order_fit import MAIN_LOBE, MOST_TERMS, SEEN, fit_orders, refit, slower_vibration
+from .tachometer import STEADY_WITHIN, Mark, Turns, encoder_mark, give_marks, steady_turns
 
 METRICS: dict[Metric, float] = {"peak": 1.0, "peak_to_peak": 2.0, "rms": 0.5**0.5}
 """Factor from the peak value of an order."""
@@ -94,6 +95,8 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
     """Speed at which the vectors are given, such as ``3000rpm``; empty for the mean."""
     amplitude: Metric = "peak"
     phase: str = "lead"
+    several: Mapping[int, str] = field(default_factory=dict)
+    """What speaks for so many marks where one a turn was taken for granted."""
 
     @property
     def speed(self) -> float:
@@ -129,10 +132,13 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
         """This run, called ``name``, as text of a file of trial runs, for ``balance.influence``.
 
         ``weights``: trial weights by plane (``{"fan end": "10 g @ 0 deg"}``); ``stayed_on``: whether they did after it.
-        Raises AnalysisError without the speed at which the vectors are to be given.
+        Raises AnalysisError without the speed at which the vectors are to be given, and where phases of other runs may
+        count from another mark.
         """
         if not self.asked:
             raise AnalysisError(f"{self.run}: give speed: the vectors of all trial runs must belong to one")
+        if alike := self._marks_alike():
+            raise AnalysisError(f"{self.run}: {alike[0]}")
         lines = [
             f'# from {self.run}, {self.origin}: phase = "{self.phase}", amplitude = "{self.amplitude}"',
             *(f"# finding: {finding}" for finding in self.findings()),
@@ -172,6 +178,7 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
             "amplitude": self.amplitude,
             "phase": self.phase,
             "turns": self.turns.count,
+            "pulses_per_turn": self.turns.marks,
             "speed_rpm": 60.0 * self.turns.speed,
             "given_at_rpm": 60.0 * self.speed,
             "speed_range_rpm": [60.0 * one for one in self.turns.speed_range],
@@ -187,7 +194,14 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
         """Findings about the run and each vector."""
         each = (f"{v.sensor}: {text}" for v in self.vectors for text in self._of(v))
         pulses = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._unfollowed_speed())
-        return (*pulses, *self._on_the_mains(), *self._off_the_speed(), *each)
+        return (
+            *self._several_marks(),
+            *self._marks_alike(),
+            *pulses,
+            *self._on_the_mains(),
+            *self._off_the_speed(),
+            *each,
+        )
 
     def below(self) -> tuple[str, ...]:
         """The findings: what is printed below the table."""
@@ -241,6 +255,24 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
             f"order {self.order} at {self.order * self.turns.speed:.5g} Hz lies within the record's resolution of "
             f"{mains:g} Hz, the mains: hum would be part of the vectors, and is in no interval; take a longer record, "
             "or another speed",
+        )
+
+    def _several_marks(self) -> Iterator[str]:
+        for count, what in self.several.items():
+            yield (
+                f"{what}, and turns were counted by one pulse each: {give_marks(count)}, then this is order "
+                f"{count * self.order} of {60 * self.turns.speed / count:.5g} rpm; if not, state pulses=1 (--pulses 1)"
+            )
+
+    def _marks_alike(self) -> tuple[str, ...]:
+        marks = self.turns.marks
+        between = 360 * math.gcd(self.order, marks) / marks
+        if self.turns.is_same_mark or between == 360:
+            return ()
+        return (
+            f"phases count from one of {marks} marks that look alike, in each record from any: between two records "
+            f"they may differ by multiples of {between:.4g} deg; to compare phases, as of trial runs, leave one mark "
+            "or make one pitch wider than the others",
         )
 
     def _synchronous_sampling(self) -> tuple[str, ...]:
@@ -320,6 +352,9 @@ def vectors(
     level: float | None = None,
     falling: bool = False,
     steady_within: float | str = STEADY_WITHIN,
+    pulses: int | None = None,
+    begin: float | str | None = None,
+    end: float | str | None = None,
     amplitude: Metric = "peak",
     phase: str = "lead",
 ) -> Vectors:
@@ -329,7 +364,9 @@ def vectors(
     unit; half the swing], or an encoder's angle, whose zero is the mark. ``sensors``: by default all of length,
     velocity or acceleration timed with it; those of the rig are read in SI by the calibration in force. ``speed`` at
     which the vectors are given (``"3000rpm"`` or [rad/s]), by default the mean; ``steady_within``: largest change
-    of speed, and distance of the mean from ``speed``: a share, at most 0.5, or per cent (``"5 %"``). ``amplitude``:
+    of speed, and distance of the mean from ``speed``: a share, at most 0.5, or per cent (``"5 %"``). ``pulses``: marks
+    a turn [1], of which the one after the widest pitch is the mark. ``begin``, ``end``: part of the record that is used
+    (``"2 s"`` or [s]). ``amplitude``:
     ``peak``, ``peak_to_peak`` or ``rms``; ``phase``: ``lead`` or ``lag`` of the pulse. Raises AnalysisError for lost or
     spurious pulses, too few turns, an unsteady speed, an order that the samples do not resolve.
 
@@ -349,14 +386,29 @@ def vectors(
     read = run if run.rig is None else physical(run)
     in_si, where = read.group(group.name), f"{run.name}: channel {tacho!r}"
     time, pulse, mark = run.time(group.name), _finite(run, group, index), Mark(level, falling)
+    ends = [at if instant is None else si(instant, "time") for instant, at in ((begin, -np.inf), (end, np.inf))]
+    part = slice(*np.searchsorted(time, ends))
+    if len(time[part]) < 2:
+        raise AnalysisError(
+            f"{where}: no samples from {ends[0]:g} to {ends[1]:g} s: it has {time[0]:g} to {time[-1]:g} s"
+        )
     unit = in_si.channels[index].unit
-    if unit and _dimension(unit, ["angle"]):
+    marks = 1 if pulses is None else pulses
+    if is_encoder := bool(unit and _dimension(unit, ["angle"])):
         pulse, mark = encoder_mark(factor_to_si(unit, "angle") * _finite(read, in_si, index))
-    turns = steady_turns(where, time, pulse, mark.level, mark.falling, within, mark.doubt, mark.in_step)
+    if marks < 1 or (is_encoder and marks > 1):
+        raise AnalysisError(
+            f"{where}: {marks} pulses a turn: expected 1 or more; an encoder's angle has one zero a turn"
+        )
+    time, pulse = time[part], pulse[part]
+    turns = steady_turns(where, time, pulse, mark.level, mark.falling, within, mark.doubt, mark.in_step, marks)
     asked = speed if isinstance(speed, str) else "" if speed is None else f"{rpm(speed):.10g} rpm"
     if asked and abs(turns.speed / turns_a_second(asked) - 1.0) > within:
+        count = turns.speed * marks / turns_a_second(asked)
+        fits = not is_encoder and round(count) > 0 and abs(count / round(count) - 1.0) <= within
         raise AnalysisError(
-            f"{run.name}: turns at {60 * turns.speed:.5g} rpm, not at {asked} within {100 * within:g} %"
+            f"{run.name}: turns at {60 * turns.speed:.5g} rpm by {marks} pulse{'s' * (marks > 1)} a turn, not at "
+            f"{asked} within {100 * within:g} %{f': {give_marks(round(count))}' if fits else ''}"
         )
     samples = 1.0 / (turns.resolution * turns.speed)
     if samples < _SAMPLES_AN_ORDER * order:
@@ -365,14 +417,23 @@ def vectors(
             f"{_SAMPLES_AN_ORDER * order:g}; sample faster"
         )
     orders, found = max(order, min(_ORDERS, int(samples / _SAMPLES_AN_ORDER))), []
+    unstated = pulses is None and not asked and not is_encoder
+    several = {turns.repeats: "the intervals between pulses repeat"} if unstated and turns.repeats > 1 else {}
     chosen, at = _chosen(run, group, in_si, index, sensors), turns_a_second(asked) if asked else None
     for i in chosen:
         dimension, factor = _reading(read, in_si, i)
-        values = factor * _alive(read, in_si, i)
-        found.append(order_vector(group.channels[i].label, dimension, values, turns, time, order, orders, at))
+        values, label = factor * _alive(read, in_si, i)[part], group.channels[i].label
+        found.append(order_vector(label, dimension, values, turns, time, order, orders, at))
+        inside = turns.contain(time)
+        if unstated and (n := slower_vibration(values[inside], turns.angle(time[inside]), turns.count)) > 1:
+            several[n] = (
+                f"{several[n]}, {label}"
+                if n in several
+                else f"there is strong vibration at 1/{n} of the speed in {label}"
+            )
     others = [] if sensors else [group.channels[i] for i in group.measured if i != index and i not in chosen]
     left_out = tuple(f"{c.label} ({c.unit or 'no unit'})" for c in others)
-    return Vectors(order, turns, tuple(found), left_out, run.name, run.origin, asked, amplitude, phase)
+    return Vectors(order, turns, tuple(found), left_out, run.name, run.origin, asked, amplitude, phase, several)
 
 
 def _chosen(run: Run, group: StoredGroup, in_si: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:
@@ -452,7 +513,7 @@ def order_vector(
 
     It is given at ``speed`` [turns/s], by default the mean; beyond the speeds of the record its intervals are widened.
     """
-    inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
+    inside = turns.contain(time)
     stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
     jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
     shrunk, shrunk_within = turns.shrinking(order)
@@ -503,7 +564,7 @@ def order_vector(
 
 def _again(values: Floats, turns: Turns, time: Floats, order: int, at: float, terms: int) -> complex:
     """The vector by other pulses of the same motion; what other orders leak into it is alike for all pulses."""
-    inside = (time >= turns.pulses[0]) & (time < turns.pulses[-1])
+    inside = turns.contain(time)
     shift = None if turns.speeds is None else turns.speeds / at - 1.0
     return refit(values[inside], turns.angle(time[inside]), turns.count, order, shift, terms)
 

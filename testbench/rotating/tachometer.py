@@ -1,4 +1,4 @@
-"""The turns of a rotor by a tachometer with one pulse a turn: instants of the pulses, and whether the speed is steady.
+"""The turns of a rotor by a tachometer: instants of the pulses of one mark, and whether the speed is steady.
 
 A pulse that rises within one sampling step is only known to lie between two samples. Where the positions within a step
 are spread evenly, these errors average out; where the sampling is synchronous with the rotor, all pulses are early or
@@ -19,6 +19,7 @@ from ..errors import AnalysisError
 from .encoder_edges import Gap, lost_edges, spurious_edges
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from scipy.interpolate import BSpline
 
 DITHERED = 0.6
@@ -150,6 +151,16 @@ _ALIKE = 1e-6
 """Share by which increments of one value may differ, by rounding."""
 _STEEP = 0.3
 """Share of the swing within one sample above which the crossing cannot be interpolated."""
+MOST_MARKS = 12
+"""Marks a turn that are looked for where one is expected."""
+_UNEQUAL = 0.005
+"""Difference of pitches, of their mean, from which they repeat."""
+_RANGE_SEEN = 6.0
+"""Range of up to 12 means over their standard deviation that noise exceeds once in 1000."""
+_AS_WELL = 1.5
+"""Scatter about a repetition over the least one up to which it explains the pitches as well."""
+_ODD_MARK = 0.05
+"""Share of an even pitch by which the widest exceeds the others where its mark can be told from them."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +177,12 @@ class Turns:
     """Whether pulses rise within a sample, so that their instants between two samples are unknown."""
     is_synchronous: bool = False
     """Whether the sampling is synchronous with the rotor, so that timing errors do not average out."""
+    marks: int = 1
+    """Marks a turn, of which one is timed."""
+    is_same_mark: bool = True
+    """Whether that one is the same in each record: that after the widest pitch, or the only one."""
+    repeats: int = 1
+    """Number of turns, counted so, after which their durations repeat: 1, or perhaps the marks of a turn."""
 
     @property
     def timing_normal_within(self) -> float:
@@ -275,6 +292,10 @@ class Turns:
         at = min(max(speed, self.speed_range[0]), self.speed_range[1])
         return at, abs(speed / at - 1.0)
 
+    def contain(self, time: Floats) -> "NDArray[np.bool_]":
+        """Which of ``time`` (n,) [s] are within the turns, (n,)."""
+        return (time >= self.pulses[0]) & (time < self.pulses[-1])
+
     def angle(self, time: Floats) -> Floats:
         """Angle of the rotor since the first pulse at ``time`` (n,) [s], (n,) [turns]: that of the smooth motion where
         the speed changes, for errors of single pulses would move the vector with it; else a cubic spline.
@@ -369,6 +390,32 @@ def _crossings(time: Floats, signal: Floats, level: float, falling: bool) -> Flo
     return time[at] + share * (time[at + 1] - time[at])
 
 
+def repeating_pitch(pulses: Floats, resolution: float) -> int:
+    """Number of ``pulses`` (n,) [s], timed to ``resolution`` [s], after which unequal intervals repeat; 1 for none."""
+    log, found = np.log(np.diff(pulses)), []
+    least = max(_UNEQUAL, 2.0 * resolution / float(np.median(np.diff(pulses))))
+    for n in range(2, min(MOST_MARKS, len(log) // LEAST_TURNS) + 1):
+        window = np.ones(n | 1)
+        window[[0, -1]] -= 0.5 * (1 - n % 2)
+        course = log[n // 2 : len(log) - n // 2] - np.convolve(log, window / n, "valid")  # less what changes slowly
+        rows = course[: len(course) // n * n].reshape(-1, n)
+        pitch, scatter = rows.mean(axis=0), float(rows.std())
+        seen = float(np.ptp(pitch)) > max(least, _RANGE_SEEN * scatter / len(rows) ** 0.5)
+        found.append((float((rows - pitch).std()), n, seen))
+    close = _AS_WELL * min((scatter for scatter, *_ in found), default=0.0) + 1e-9
+    return next((n for scatter, n, seen in found if seen and scatter <= close), 1)
+
+
+def _one_mark(pulses: Floats, marks: int, resolution: float) -> tuple[Floats, bool]:
+    """The pulses (n,) [s] of one of the marks, and whether it can be told: that after the widest pitch."""
+    turns = (len(pulses) - 1) // marks
+    begins = pulses[: turns * marks + 1 : marks]
+    pitch = np.mean(np.diff(pulses[: turns * marks + 1]).reshape(turns, marks) / np.diff(begins)[:, None], axis=0)
+    order, blur = np.argsort(pitch), 2.0 * resolution * turns / float(begins[-1] - begins[0])
+    is_same_mark = marks == 1 or float(pitch[order[-1]] - pitch[order[-2]]) > max(_ODD_MARK / marks, blur)
+    return pulses[(int(order[-1]) + 1) % marks if is_same_mark else 0 :: marks], is_same_mark
+
+
 def steady_turns(
     name: str,
     time: Floats,
@@ -378,45 +425,55 @@ def steady_turns(
     within: float,
     doubt: float = 0.0,
     in_step: bool = False,
+    marks: int = 1,
 ) -> Turns:
     """Turns of a record at steady speed: ``signal`` (n,) [unit of ``level``] at ``time`` (n,) [s].
 
-    ``doubt`` is the standard deviation of the angle at the mark [rad], ``in_step`` whether an encoder is sampled so.
+    ``doubt`` is the standard deviation of the angle at the mark [rad], ``in_step`` whether an encoder is sampled so;
+    ``marks`` are those of a turn.
 
     Raises AnalysisError for a signal without pulses, too few turns, lost or spurious pulses, a speed that changes by
     more than ``within`` of its mean.
     """
     guessed, found = level is None, tacho_pulses(time, signal, level, falling)
-    if len(found) < LEAST_TURNS + 1:
+    if len(found) < (LEAST_TURNS + 1) * marks:
         raise AnalysisError(
             f"{name}: {len(found)} pulses in {time[-1] - time[0]:.3g} s, values {signal.min():g} to {signal.max():g}: "
-            f"expected at least {LEAST_TURNS + 1}, one a turn; try another channel, --level, or a longer record; "
-            "an encoder is taken where its channel is an angle, by its unit (rad, deg) or the rig: ingest it so"
+            f"expected at least {(LEAST_TURNS + 1) * marks}, {marks} a turn; try another channel, --level, or a longer "
+            "record; an encoder is taken where its channel is an angle, by its unit (rad, deg) or the rig: ingest it so"
         )
-    never_again = len(found)  # no slot of a disc explains an odd interval: there is one pulse a turn
-    if gaps := lost_edges(found, never_again):
+    step = float(np.median(np.diff(time)))
+    repeats = repeating_pitch(found, step) if marks == 1 else 1
+    several = f"; or, as intervals repeat every {repeats} pulses, {give_marks(repeats)}" if repeats > 1 else ""
+    a_turn = marks if marks > 1 else len(found)  # of one mark no odd interval is a slot's, which comes again
+    if gaps := lost_edges(found, a_turn):
         places = "; ".join(gap.text().replace("edge", "pulse") for gap in gaps[:8])
         raise AnalysisError(
             f"{name}: {_count(gaps)} lost: {places}. Turns counted through a gap would be "
-            "wrong: check --level and the distance of the sensor, or cut the record"
+            f"wrong: check --level and the distance of the sensor, or cut the record{several}"
         )
-    if extra := spurious_edges(found, never_again):
+    if extra := spurious_edges(found, a_turn):
         places = ", ".join(f"{found[k]:.6f} s" for k in extra[:8])
         raise AnalysisError(
-            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected one a turn; check "
-            "--level"
+            f"{name}: {len(extra)} pulse{'s' * (len(extra) > 1)} too many, at {places}: expected {marks} a turn; "
+            f"check --level{several}"
         )
+    found, is_same_mark = _one_mark(found, marks, step)
     turns = _timed(time, signal, found, half_swing(time, signal, falling)[1] if guessed else 0.0)
     turns = replace(
         turns,
         timing=float(np.hypot(turns.timing, coverage_factor() * doubt / (2.0 * np.pi * turns.speed))),
         is_synchronous=turns.is_synchronous or in_step,
+        marks=marks,
+        is_same_mark=is_same_mark,
+        repeats=repeats,
     )
     if turns.change > within:
         raise AnalysisError(
             f"{name}: the speed changes by {100 * turns.change:.2g} % of its mean {60 * turns.speed:.5g} rpm; expected "
-            f"at most {100 * within:g} %: cut out a steady part, or give steady_within (--steady-within): vectors are "
-            "then fitted over the speed and given at one, speed (--speed), with how far they move over its range"
+            f"at most {100 * within:g} %: cut out a steady part by begin and end (--from, --to), or give steady_within "
+            "(--steady-within): vectors are then fitted over the speed and given at one, speed (--speed), with how far "
+            f"they move over its range{several}"
         )
     return turns
 
@@ -430,6 +487,11 @@ def _timed(time: Floats, signal: Floats, found: Floats, level_error: float) -> T
         return Turns(found, step, coverage_factor() * level_error / rise * step)
     later, within = common_timing_error(time[after - 1], time[after], found)
     return Turns(found + later, step, within, steep=True, is_synchronous=within > _IN_STEP * step)
+
+
+def give_marks(count: int) -> str:
+    """A question for people."""
+    return f"{count} mark{'s' * (count > 1)} a turn? pulses={count} (--pulses {count})"
 
 
 def _count(gaps: list[Gap]) -> str:

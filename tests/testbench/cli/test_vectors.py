@@ -90,7 +90,7 @@ def test_table(found: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert_fits(output)
     assert titles
     assert "lead of the pulse" in output
-    assert "turns at 2768" in output
+    assert "91 turns, 1 mark each, at 2768" in " ".join(output.split())
 
 
 def test_a_sensor_in_millivolts_is_read_by_its_calibration(tmp_path: Path) -> None:
@@ -143,6 +143,29 @@ def test_sampling_in_step_is_a_finding_and_in_every_interval(in_step: str) -> No
             row["phase_deg_within"], rel=0.01
         )
     assert "# finding: the sampling is synchronous" in text
+
+
+def test_several_marks_a_turn(tmp_path: Path) -> None:
+    """Two marks taken for one: the finding asks, a speed that is asked too; with --pulses the truth, and of even marks
+    no phase for trial runs. A part of the record has fewer turns.
+    """
+    file = stored(tmp_path, "two", Rotor(seconds=2.0, speed=OWN, marks=(0.0, 0.5)))
+    code, output = run(file)
+    assert code == 3
+    assert "2 marks a turn? pulses=2 (--pulses 2), then this is order 2 of 2768" in " ".join(output.split())
+    assert run(file, "--pulses", "1")[0] == 0
+    with pytest.raises(AnalysisError, match=r"turns at 5536.* rpm by 1 pulse a turn, not at 2768rpm .*--pulses 2"):
+        run(file, "--speed", "2768rpm")
+    code, output = run(file, "--pulses", "2", "--from", "0.5s", "--to", "1500 ms", "--json")
+    document = json.loads(output)
+    assert (code, document["pulses_per_turn"], document["turns"]) == (3, 2, 45)
+    for row, truth in zip(document["vectors"], Rotor().truth(), strict=True):
+        assert abs(row["amplitude_m_s2"] - abs(truth)) < 2 * row["amplitude_m_s2_within"]
+    assert any("look alike" in text and "multiples of 180 deg" in text for text in document["findings"])
+    with pytest.raises(AnalysisError, match="2 marks that look alike"):
+        run(file, "--pulses", "2", "--speed", "2768rpm", "--toml", "x")
+    with pytest.raises(AnalysisError, match="no samples from 3 to inf s: it has 0 to 1"):
+        order_tracking.vectors(file, begin=3.0)
 
 
 def test_figure(found: str, tmp_path: Path) -> None:

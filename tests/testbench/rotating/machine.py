@@ -29,7 +29,9 @@ class Rotor:
     smooth: bool = False
     """Whether the tachometer gives a sine rather than short pulses."""
     drop: list[int] = field(default_factory=list)
-    """Pulses that the tachometer misses."""
+    """Turns whose pulses the tachometer misses."""
+    marks: tuple[float, ...] = (0.0,)
+    """Where the marks are [turns]."""
 
     def record(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Time (n,) [s], tachometer (n,) [V], accelerations (sensors, n) [m/s2]."""
@@ -37,7 +39,7 @@ class Rotor:
         time = np.arange(int(self.seconds * self.rate)) / self.rate
         start = rng.uniform()
         turned = start + self.speed * (time + self.drift * (time**2 / (2 * self.seconds) - time / 2))
-        tacho = np.where(turned % 1.0 < 0.06, 5.0, 0.0)
+        tacho = np.where(np.any([(turned - mark) % 1.0 < 0.06 for mark in self.marks], axis=0), 5.0, 0.0)
         tacho[np.isin(np.floor(turned).astype(int), self.drop)] = 0.0
         if self.smooth:
             tacho = 2.5 * np.sin(2.0 * np.pi * turned)

@@ -5,8 +5,9 @@ import pytest
 from scipy.stats import binomtest
 
 from testbench.errors import AnalysisError
+from testbench.rotating.order_fit import slower_vibration
 from testbench.rotating.order_tracking import OrderVector, Vectors, order_vector
-from testbench.rotating.tachometer import Turns, encoder_mark, steady_turns, tacho_pulses
+from testbench.rotating.tachometer import Turns, encoder_mark, repeating_pitch, steady_turns, tacho_pulses
 
 from .machine import Rotor
 
@@ -233,6 +234,53 @@ def test_a_noisy_edge_is_one_pulse() -> None:
     time = np.arange(20_000) / 10_000.0
     signal = np.sin(2 * np.pi * 10.0 * time) + rng.normal(0.0, 0.05, len(time))
     assert len(tacho_pulses(time, signal)) == 20
+
+
+@pytest.mark.parametrize(
+    ("marks", "refused"),
+    [
+        ((0.0, 0.5), ""),
+        ((0.0, 0.25, 0.5, 0.75), ""),
+        ((0.0, 0.47), "the speed changes by 1"),
+        ((0.0, 0.25), "pulses lost"),
+        ((0.0, 0.25, 0.5), "pulses lost"),
+        ((0.0, 0.1, 0.4, 0.65), "pulses too many"),
+    ],
+)
+def test_several_marks_a_turn(marks: tuple[float, ...], refused: str) -> None:
+    """Taken for one: unequal pitches are refused, and equal ones have strong vibration at a part of the speed. Stated:
+    truth, its phase from the mark after the widest pitch; of equal ones it is that of any.
+    """
+    rotor = Rotor(speed=49.37, marks=marks)
+    time, tacho, (signal, _) = rotor.record()
+    if refused:
+        with pytest.raises(AnalysisError, match=rf"{refused}.*repeat every {len(marks)} pulses.*--pulses {len(marks)}"):
+            turns_of(rotor)
+    else:
+        inside = (turns := turns_of(rotor)).contain(time)
+        assert slower_vibration(signal[inside], turns.angle(time[inside]), turns.count) == len(marks)
+    turns = steady_turns("run", time, tacho, None, False, 0.01, marks=len(marks))
+    vector = order_vector("A", "acceleration", signal, turns, time, 1, 8)
+    assert turns.speed == pytest.approx(49.37, rel=1e-4)
+    assert abs(abs(vector.value) - abs(rotor.truth()[0])) < 1.5 * vector.amplitude_within
+    off = np.angle(vector.value / rotor.truth()[0]) / (2 * np.pi)
+    widest = np.argmax(np.diff(marks, append=marks[0] + 1.0)) + 1
+    assert turns.is_same_mark == bool(refused)
+    assert min(abs((off - m + 0.5) % 1.0 - 0.5) for m in ([marks[widest % len(marks)]] if refused else marks)) < 0.002
+
+
+def test_one_mark_is_no_several() -> None:
+    """Rounding to a sample, jitter, hunting and tones are no pitches of marks, nor vibration of a slower rotor."""
+    for seed in range(8):
+        rotor = Rotor(seed=seed, speed=(49.37, 50.0, 83.4, 61.3)[seed % 4], rate=(2500.0, 10_000.0)[seed % 2], tone=0.8)
+        time, _, (signal, _) = rotor.record()
+        inside = (turns := turns_of(rotor)).contain(time)
+        assert turns.repeats == 1
+        assert slower_vibration(signal[inside], turns.angle(time[inside]), turns.count) == 1
+    number, rng = np.arange(401), np.random.default_rng(0)
+    for period in (3.3, 7.0, 30.0):  # of a hunting of 3 %
+        late = 0.015 * period / (2 * np.pi) * np.sin(2 * np.pi * number / period) + rng.normal(0.0, 1e-3, len(number))
+        assert repeating_pitch(number + late, 1e-4) == (7 if period == 7.0 else 1)
 
 
 @pytest.mark.parametrize("drop", [[60], [60, 61], [60, 62], [10, 100]])
