@@ -41,8 +41,8 @@ _LEAST_DAMPING = 0.025
 """Damping ratio of the sharpest resonance that is reckoned with where the record does not show one."""
 _BY_SPEED = np.array([2.0 + 0.5 / _LEAST_DAMPING, 1.0 / _LEAST_DAMPING])
 """Largest relative change along and across a vector by that of the speed, by such a resonance and unbalance [-]."""
-_REDRAWN = 12
-"""Times that the pulses are drawn anew."""
+_MEANS = 32
+"""Means of samples in a period of an order that pulses drawn anew are applied to."""
 _MAINS = (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
 """Frequencies of hum [Hz]."""
 _MAINS_WITHIN = 2e-3
@@ -514,7 +514,8 @@ def order_vector(
     It is given at ``speed`` [turns/s], by default the mean; beyond the speeds of the record its intervals are widened.
     """
     inside = turns.contain(time)
-    stepped = 2.0 * np.pi * order * turns.speed * turns.resolution if turns.steep else 0.0
+    samples = 1.0 / (turns.resolution * turns.speed)
+    stepped = 2.0 * np.pi * order / samples if turns.steep else 0.0
     jitter = 2.0 * np.pi * order * turns.speed * turns.rounding
     shrunk, shrunk_within = turns.shrinking(order)
     at, off = turns.off_range(speed or turns.speed)
@@ -529,9 +530,12 @@ def order_vector(
     is_described &= not found.is_hunting or bool(elsewhere[0] < max(along, _COARSE * abs(value)))
     along, across = np.sqrt(np.square([along, across]) + found.left**2 + elsewhere**2).tolist()
     if shift is not None and turns.is_coarse:  # errors of the pulses move angle, speed and so the vector
-        again = [_again(values, turns.redrawn(k), time, order, at, len(found.powers)) for k in range(_REDRAWN)]
+        every = max(1, int(samples / (_MEANS * order)))  # the means of so many samples show what moves alike
+        whole = slice(len(time) // every * every)
+        mean, at_mean = (x[whole].reshape(-1, every).mean(axis=1) for x in (values, time))
+        again = [_again(mean, at_mean, redrawn, order, at, len(found.powers)) for redrawn in turns.redrawn]
         moves = np.conj(u @ [1.0, 1.0j]) * np.array(again)
-        spread = coverage_factor(_REDRAWN - 1) * np.array([moves.real.std(ddof=1), moves.imag.std(ddof=1)])
+        spread = coverage_factor(len(again) - 1) * np.array([moves.real.std(ddof=1), moves.imag.std(ddof=1)])
         along, across = (float(np.hypot(*one)) for one in zip((along, across), spread, strict=True))
     along = float(np.hypot(along, coverage_factor() * abs(value) * shrunk_within))
     if turns.is_synchronous:  # one jump of the phase reduces the mean vector by up to 1 - cos(stepped / 2)
@@ -562,7 +566,7 @@ def order_vector(
     )
 
 
-def _again(values: Floats, turns: Turns, time: Floats, order: int, at: float, terms: int) -> complex:
+def _again(values: Floats, time: Floats, turns: Turns, order: int, at: float, terms: int) -> complex:
     """The vector by other pulses of the same motion; what other orders leak into it is alike for all pulses."""
     inside = turns.contain(time)
     shift = None if turns.speeds is None else turns.speeds / at - 1.0

@@ -145,6 +145,8 @@ _ROUNDED = 0.31
 """Scatter of instants about a smooth motion [steps] that steps alone explain: 12^-0.5, and a little."""
 _EXACT = 1e-3
 """The same where pulses are interpolated between samples."""
+_REDRAWN = 12
+"""Times that the pulses are drawn anew."""
 _ODD = 3
 """Increments of an encoder at either end that may be of lost samples."""
 _ALIKE = 1e-6
@@ -317,11 +319,12 @@ class Turns:
         """Whether the smooth motion leaves errors of the pulses."""
         return self._motion[1] > _EXACT
 
-    def redrawn(self, seed: int) -> "Turns":
+    @cached_property
+    def redrawn(self) -> "tuple[Turns, ...]":
         """The smooth motion with new errors of its pulses, of the size of those that it leaves."""
         motion, scatter = self._motion
-        late = np.random.default_rng(seed).normal(0.0, scatter * self.resolution, len(self.pulses))
-        return replace(self, pulses=motion(np.arange(len(self.pulses), dtype=float)) + late)
+        late = np.random.default_rng(0).normal(0.0, scatter * self.resolution, (_REDRAWN, len(self.pulses)))
+        return tuple(replace(self, pulses=motion(np.arange(len(self.pulses), dtype=float)) + one) for one in late)
 
 
 @dataclass(frozen=True)

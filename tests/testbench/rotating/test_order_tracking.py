@@ -156,15 +156,16 @@ def test_sampling_in_step_at_any_place_within_a_sample(flips: int) -> None:
     assert abs(off) > 2 * np.pi * 0.2 / 100.0
 
 
-def test_slow_timing_errors_of_pulses_are_in_the_angle_as_they_are() -> None:
-    """At a quarter period a turn, where lines tell the noise; straight lines between pulses hand on 0.81 of them, the
-    smooth motion of a speed that changes 0.95.
+@pytest.mark.parametrize(("steep", "handed_on"), [(True, 0.99), (False, 0.95)])
+def test_slow_timing_errors_of_pulses_are_in_the_angle_as_they_are(steep: bool, handed_on: float) -> None:
+    """At a quarter period a turn, where lines tell the noise: by the spline at a steady speed (straight lines between
+    pulses hand on 0.81 of them), and by the smooth motion where steps do not explain them.
     """
     number = np.arange(81)
     late = 0.01 * np.cos(0.5 * np.pi * number + 0.3)
     time = np.linspace(20.0, 60.0, 4001)[:-1]
-    error = Turns(number + late, 0.01).angle(time) - time
-    assert 2.0 * abs(np.mean(error * np.exp(-0.5j * np.pi * time))) == pytest.approx(0.01, rel=0.06)
+    error = Turns(number + late, 0.1, steep=steep).angle(time) - time
+    assert 2.0 * abs(np.mean(error * np.exp(-0.5j * np.pi * time))) == pytest.approx(0.01 * handed_on, rel=0.01)
 
 
 @pytest.mark.parametrize("samples", [40, 83])
