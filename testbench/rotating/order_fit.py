@@ -312,7 +312,8 @@ def _next_powers(size: float, powers: Floats, deviation: Floats) -> Floats:
     ratio = float(powers[0]) / size
     last, sure = size * ratio**count, float(powers[-1] - SEEN * deviation[-1])
     if count > 1 and sure > 0.0:
-        last, ratio = sure, max((sure / size) ** (1.0 / count), sure / float(powers[-2] + SEEN * deviation[-2]))
+        last = float(powers[-1])
+        ratio = max((last / size) ** (1.0 / count), sure / float(powers[-2] + SEEN * deviation[-2]))
     return np.asarray(last * ratio ** np.arange(1, _AHEAD + 1))
 
 

@@ -438,6 +438,19 @@ def test_above_a_resonance_intervals_hold(waves: dict[float, float], pulses: boo
     assert held.min() >= 5
 
 
+def test_powers_left_out_count_where_coarse_pulses_hide_them() -> None:
+    """Hunting of 30 turns beside a resonance, off the mean: 0 of 40 phases held where the last was just seen."""
+    for seed in range(8):
+        rng, time = np.random.default_rng(seed), np.arange(17_750) / 2500.0
+        around, start = 2 * np.pi * 43.0 / 30.0, rng.uniform(0, 6.28)
+        angle = 2 * np.pi * (seed / 8 + 43.0 * (time - 0.01 / around * np.cos(around * time + start)))
+        signal = resonance(angle) + rng.normal(0.0, 1e-3, len(time))
+        time, angle, signal, at = time[2500:], angle[2500:], signal[2500:], 43.0 * 1.006
+        turns = steady_turns("run", time, np.where(angle % (2 * np.pi) < 0.35, 5.0, 0.0), None, False, 0.1)
+        vector = order_vector("A", "acceleration", signal, turns, time, 1, 8, at)
+        assert abs(np.angle(vector.value / complex(response(at)))) < vector.phase_within < np.radians(3.0)
+
+
 @pytest.mark.parametrize(("period", "named"), [(3.3, True), (20.0, False)])
 def test_a_speed_that_changes_from_turn_to_turn_is_named(period: float, named: bool) -> None:
     """A change of 3 % by turns; over 20 turns the smooth motion follows it."""
