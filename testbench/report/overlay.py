@@ -140,19 +140,19 @@ class Overlay:
         return [run.name for run in self.runs]
 
     def table(self) -> "DataFrame":
-        """Time [s], the channel in each run, each further run less the first and, where it is known, the half width of
-        its 95 % interval [unit], a row an instant.
+        """The channel in each run, each further run less the first and, where it is known, the half width of its 95 %
+        interval [unit], a row an instant; the index is the time of the first run's logger [s], as of ``Run.to_pandas``.
         """
         import pandas as pd
 
         first, *others = self.names
-        columns = {"time": self.time, **dict(zip(self.names, self.values, strict=True))}
+        columns = dict(zip(self.names, self.values, strict=True))
         for name, values, apart in zip(others, self.values[1:], self.differences, strict=True):
             columns[f"{name} less {first}"] = values - self.values[0]
             if apart.half_width is not None:
                 columns[f"half width of {name} less {first}"] = apart.half_width.read(0, len(self.time))[1]
-        found = pd.DataFrame(columns)
-        found.attrs["units"] = {name: "s" if name == "time" else self.unit for name in columns}
+        found = pd.DataFrame(columns, index=pd.Index(self.time, name="time (s)"))
+        found.attrs["units"] = dict.fromkeys(columns, self.unit)
         return found
 
     def __repr__(self) -> str:

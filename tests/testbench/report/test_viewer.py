@@ -350,12 +350,14 @@ def test_an_overlay_is_what_the_viewer_draws(shared):
     (late, apart) = RunTraces([first, second]).compared(first.name, second.name, "motor_A0 A0")
     table = found.table()
     less = f"{second.name} less {first.name}"
-    assert list(table) == ["time", first.name, second.name, less, f"half width of {less}"]
+    assert list(table) == [first.name, second.name, less, f"half width of {less}"]
+    assert table.index.name == first.to_pandas(first.groups[0].name).index.name
+    np.testing.assert_array_equal(table.index, found.time)
     assert (found.unit, found.lags[0].seconds) == ("N m", late.seconds)
     np.testing.assert_array_equal(table[first.name], SIRun.of(first).readings(column(first, "motor_A0")))
     np.testing.assert_allclose(table[second.name], SIRun.of(second).readings(column(second, "motor_A0")))
-    np.testing.assert_array_equal(table.iloc[:, 3], apart.trace.read(0, len(table))[1])
-    np.testing.assert_array_equal(table.iloc[:, 4], half := apart.half_width.read(0, len(table))[1])
+    np.testing.assert_array_equal(table.iloc[:, 2], apart.trace.read(0, len(table))[1])
+    np.testing.assert_array_equal(table.iloc[:, 3], half := apart.half_width.read(0, len(table))[1])
     assert f"± {half.min():.3g} to {half.max():.3g} N m" in str(found)
     assert [axes.get_ylabel().split("\n")[1] for axes in found.plot().axes] == ["[N m]", "[N m]"]
     assert str(overlay([first, second], column(first, "motor_A0").channel)) == str(found)
