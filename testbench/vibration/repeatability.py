@@ -22,7 +22,7 @@ from .noise_floor import Noise, Segment, squared_magnitudes
 from .noise_over_time import NoiseOverTime
 
 DIFFER = 0.01
-"""Level at which repeats differ beyond noise, over a campaign."""
+"""Level at which repeats differ beyond noise, over a campaign: half of it by one group, half by all together."""
 SAMPLING_SHARE = {True: 0.02, False: 0.005}
 """Share of the amplitude by which repeats may differ: an RMS by where the record begins and ends, a peak by the
 instants of samples about it."""
@@ -36,6 +36,10 @@ EDGE = 8
 """Samples next to an end of another repeat's record, which shifting it spoils."""
 KNOWN = 1.0
 """Of an amplitude, from which its repeats' interval, where they differ beyond noise, reaches zero and says nothing."""
+UNLIKE = 0.2**2
+"""Power of what repeats do not share over that of what they do, from which they may be no repeats of one condition."""
+LOUDER = 10.0
+"""Times the lower quartile of all sides, from which that power is no noise of the campaign."""
 REVERSED = 0.9
 """Correlation of a channel with its own reversed in another run, from which, if none is larger, one is reversed."""
 CERTAIN = 0.9
@@ -175,7 +179,7 @@ class Repeatability:
         if not repeated:
             return cls(rounding_in_common=rounding_in_common)
         share, freedom = 0.0, np.inf
-        least = DIFFER / len(repeated)
+        least = 0.5 * DIFFER / len(repeated)
         odd = [g for g in repeated if chi_square_tail(g.scatter, g.degrees_of_freedom) < least]
         apart = odd
         if _differ(repeated) and (len(odd) > 1 or len(repeated) < 3 or not odd):
@@ -216,7 +220,7 @@ def _contains(groups: Sequence[Group], group: Group) -> bool:
 
 def _differ(groups: Sequence[Group]) -> bool:
     """Whether repeats differ beyond noise, all groups taken together."""
-    return chi_square_tail(sum(g.scatter for g in groups), sum(g.degrees_of_freedom for g in groups)) < DIFFER
+    return chi_square_tail(sum(g.scatter for g in groups), sum(g.degrees_of_freedom for g in groups)) < 0.5 * DIFFER
 
 
 def _share(groups: Sequence[Group]) -> float:
@@ -226,19 +230,20 @@ def _share(groups: Sequence[Group]) -> float:
 
 
 def _unlike_the_others(groups: Sequence[Group], least: float) -> list[Group]:
-    """Groups that differ by a larger share than all others can together, by Fisher's F; the largest first."""
-    found: list[Group] = []
-    while len(rest := [g for g in groups if g not in found]) > 1:
-        one = max(rest, key=lambda g: _share([g]))
-        others = [g for g in rest if g is not one]
+    """As many groups, up to half, as can be of which each differs by a larger share than all others can together, by
+    Fisher's F; the first differs most. Two do not hide each other: exchanged logs spoil both sides that they are of.
+    """
+    typical = max(_share(groups), 0.0)
+    ranked = sorted(groups, key=lambda g: g.scatter * g.own / g.degrees_of_freedom / (g.own + typical * g.weight))
+    for count in range(len(ranked) // 2, 0, -1):
+        one, others = ranked[-count], ranked[:-count]
         freedom, amount = sum(g.degrees_of_freedom for g in others), sum(g.scatter * g.own for g in others)
         below = max(amount, sum(g.degrees_of_freedom * g.own for g in others))
         below /= max(sum(g.degrees_of_freedom * g.weight for g in others), 1e-300)
-        above = one.scatter * one.own / one.degrees_of_freedom / max(one.weight, 1e-300)
-        if f_tail(above / max(below, 1e-300), one.degrees_of_freedom, freedom) >= least:
-            break
-        found.append(one)
-    return found
+        above = one.scatter * one.own / one.degrees_of_freedom / (one.own + below * one.weight)
+        if f_tail(above, one.degrees_of_freedom, freedom) < least / count:
+            return ranked[: -count - 1 : -1]
+    return []
 
 
 @dataclass(frozen=True)
@@ -254,6 +259,8 @@ class AlignedPlace:
     """By what share of it each run shows more of the mean than the mean itself, where all of them reach, (k,) [-]."""
     weights: Floats
     """What a gain is the sum of a record times, (n,) [1/unit]: the mean's course, less what is like its shifts."""
+    unshared: tuple[float, float]
+    """Mean squares in the band, in motion: of what repeats do not share, and of their mean [unit^2]."""
     plateaus: tuple[float, float] | None
     """Mean squares in the band, where the mean changes so slowly that all repeats would lie on one plateau of a step
     that is not dithered: of what repeats do not share, and of what rounding at other zeros makes [unit^2]. None where
@@ -285,7 +292,8 @@ class AlignedPlace:
         course = NoiseOverTime.of(shown, number - 1.0, common, moving, count, rate)
         over_time = course.power[common] ** 0.5
         evened = float(np.mean((shown / over_time)[:, part] ** 2))  # less: the envelope follows the noise itself
-        level = scale * np.sqrt(np.mean(shown[:, part] ** 2) / max(evened, 1e-300))
+        unshared = float(np.mean(shown[:, part] ** 2)), float(np.mean(felt[common][part] ** 2))
+        level = scale * np.sqrt(unshared[0] / max(evened, 1e-300))
         residuals = tuple(Segment((level * one / over_time)[part], rate, 1.0 / scale**2) for one in left)
         plateaus = None
         slow = np.abs(np.gradient(mean))[common] * rate < _SLOW * first.step * first.logger_hz
@@ -299,7 +307,7 @@ class AlignedPlace:
             steps = first.in_band(np.array(made))[:, slow]
             plateaus = float(np.mean(shown[:, slow] ** 2)), float(np.mean(steps**2))
         together = replace(first.mean_of(runs, lags, mean, felt), envelope=fewer)
-        return cls(together, residuals, course, gains, weights, plateaus)
+        return cls(together, residuals, course, gains, weights, unshared, plateaus)
 
 
 @dataclass(frozen=True)
@@ -333,6 +341,21 @@ class Synchronous:
                 return None
             found[place] = one
         return cls(found, tuple(lags))
+
+
+def unlike(aligned: Sequence["Synchronous | None"]) -> list[bool]:
+    """Of repeats of each side, whether they are no repeats of one condition, for all that they show.
+
+    What they do not share is then much beside what they share, and beside what the other sides do not share: logs that
+    are exchanged, or a run of another condition. Loud noise is alike on all sides; what goes with the vibration, as
+    friction does, is little beside it.
+    """
+    found = [False] * len(aligned)
+    for place in dict.fromkeys(place for one in aligned if one for place in one.places):
+        left, shared = np.array([one.places[place].unshared if one else (np.nan, np.nan) for one in aligned]).T
+        usual = np.exp(np.nanquantile(np.log(np.maximum(left, 1e-300)), 0.25))
+        found = [*np.logical_or(found, (left > LOUDER * usual) & (left > UNLIKE * shared))]
+    return found
 
 
 def _moved(records: Sequence[Floats], lag: float, count: int) -> Sequence[Floats]:

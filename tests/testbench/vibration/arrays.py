@@ -1,6 +1,7 @@
 """Reductions of records that are arrays: the analysis below the file layer."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +22,16 @@ class Named:
     name: str
 
 
-def reduced(
+def condition(
     balanced: list[np.ndarray],
     unbalanced: list[np.ndarray],
     rate_hz: float,
     rest_s: float | None,
     measure: Measure | None = None,
     step: float = 0.0,
-) -> tuple[Reduction, list[str]]:
-    """Of repeats (n,) each at rest for ``rest_s`` [s], and the codes of what is found."""
+    name: str = "",
+) -> Condition:
+    """Of repeats (n,) each at rest for ``rest_s`` [s]; with0, without0 and so on, behind a ``name``, are the runs."""
     span = None if rest_s is None else (0.0, rest_s)
 
     def records(runs: list[np.ndarray]) -> tuple[dict[tuple[str, str], Amplitude], ...]:
@@ -43,10 +45,15 @@ def reduced(
         )
 
     sides = [
-        tuple(Named(f"{side}{k}") for k in range(len(runs)))
+        tuple(Named(f"{name}{side}{k}") for k in range(len(runs)))
         for side, runs in (("with", balanced), ("without", unbalanced))
     ]
     pair = Pair(KEY, {"counter_A0A": 10.0}, *sides)  # type: ignore[arg-type]
-    condition = Condition(pair, measure or Measure(), records(balanced), records(unbalanced))
-    likelihoods = CampaignLikelihoods.of([condition])
-    return likelihoods.reduction(condition, PLACE), [f.message for f in likelihoods.scatter_findings(condition)]
+    return Condition(pair, measure or Measure(), records(balanced), records(unbalanced))
+
+
+def reduced(*of: Any, **more: Any) -> tuple[Reduction, list[str]]:
+    """Of one :func:`condition`, and what is found of its repeats."""
+    one = condition(*of, **more)
+    likelihoods = CampaignLikelihoods.of([one])
+    return likelihoods.reduction(one, PLACE), [f.message for f in likelihoods.scatter_findings(one)]

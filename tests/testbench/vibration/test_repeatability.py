@@ -14,9 +14,11 @@ from testbench.vibration.amplitude_uncertainty import accepted_amplitudes
 from testbench.vibration.condition import rounding_in_common
 from testbench.vibration.metrics import METRICS, Measure
 from testbench.vibration.noise_floor import Noise, Segment
-from testbench.vibration.repeatability import Synchronous, gain_error
+from testbench.vibration.reduction import CampaignLikelihoods
+from testbench.vibration.repeatability import Synchronous, gain_error, unlike
 
 from ..coverage import assert_holds
+from .arrays import PLACE, condition
 
 AWAY = np.linspace(-5.0, 5.0, 16)
 
@@ -84,6 +86,25 @@ def test_unlike_the_others():
     assert found >= 15
 
 
+def test_two_that_are_unlike_the_others():
+    """Logs exchanged between two conditions spoil both, of four: neither hides the other, and two keep their own."""
+    rng, found = np.random.default_rng(9), 0
+    for _ in range(20):
+        groups, odd = ([group(900.0, s, rng, 3, f"{s}{i}") for i in range(2)] for s in (0.003, 0.6))
+        scatter = Repeatability.of([odd[0], *groups, odd[1]])
+        found += all(map(scatter.excludes, odd)) and not any(map(scatter.withholds, groups))
+        assert max(map(scatter.variance, groups)) < 200.0  # a share in common would be 20,000
+    assert found >= 16  # of an F of 2 and 4 degrees of freedom, 40,000 times what it is by chance
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_none_unlike_the_others(share):
+    """Where all differ alike, some are told apart from the others in two of a hundred campaigns (F, ranked)."""
+    rng = np.random.default_rng(10)
+    found = [Repeatability.of([group(3000.0, share, rng, 3, str(i)) for i in range(4)]).apart for _ in range(150)]
+    assert sum(map(bool, found)) <= 8  # 3, binomial: more once in 250
+
+
 def test_unlike_others_that_differ_too():
     """Where all differ by a per cent, one by half is told apart, and theirs stays a per cent."""
     rng = np.random.default_rng(6)
@@ -105,11 +126,15 @@ def test_a_repeat_of_something_else(share, withheld):
     assert scatter.variance(groups[0]) < 100.0
 
 
-def test_false_alarms():
-    """Of campaigns whose runs differ by noise alone about one in a hundred is said to differ."""
-    rng = np.random.default_rng(4)
-    found = [Repeatability.of([group(300.0, 0.0, rng, 3, str(i)) for i in range(6)]) for _ in range(150)]
-    assert sum(bool(repeats.outlying) for repeats in found) <= 6
+@pytest.mark.parametrize("groups", [1, 2, 4, 12])
+def test_false_alarms(groups):
+    """Of campaigns whose runs differ by noise alone one in a hundred is said to differ, however many groups it has."""
+    rng, runs, error, found = np.random.default_rng(4), (run(300.0, 0.0, np.random.default_rng(4)),) * 3, 0.05, 0
+    for _ in range(1500):
+        gains = rng.normal(0.0, error, (groups, 3))
+        gains -= gains.mean(axis=1, keepdims=True)
+        found += bool(Repeatability.of([Group(runs, (str(i),), g, error) for i, g in enumerate(gains)]).outlying)
+    assert found <= 27  # 15, binomial: more once in 500
 
 
 def test_what_repeats_have_in_common():
@@ -374,3 +399,56 @@ def test_what_steps_leave_between_repeats_is_no_noise(steps):
         else:
             assert 0.6 < moving.power(measure.band)[0] / added.power(measure.band)[0] < 1.6
     assert louder == [False, True]
+
+
+def campaign(rng, noise: float, friction: float = 0.0) -> list[list[list[np.ndarray]]]:
+    """Two conditions of three runs a side of a base with two modes: with and without counter-masses, (1500,) each.
+
+    ``friction`` differs from run to run, of another course than what repeats, by a share of it.
+    """
+    after = np.clip(np.arange(1500) / 1000.0 - 0.4, 0.0, None)
+    modes = [np.sin(2.0 * np.pi * f * after) * np.exp(-d * after) for f, d in ((9.0, 2.0), (31.0, 5.0), (17.0, 3.0))]
+
+    def run(first: float, second: float) -> np.ndarray:
+        odd = friction * rng.normal() * np.hypot(first, second)
+        return first * modes[0] + second * modes[1] + odd * modes[2] + noise * rng.standard_normal(1500)
+
+    return [[[run(*size) for _ in range(3)] for size in sides] for sides in (((1, 2), (4, 1)), ((3, 2), (8, 4)))]
+
+
+@pytest.mark.parametrize("metric", ["peak_to_peak", "rms"])
+def test_exchanged_logs_are_no_noise_of_others(metric):
+    """They are named, on both sides, and the other condition has the interval that it has by itself."""
+    rng, measure, held = np.random.default_rng(3), Measure(metric), 0
+    truth = campaign(rng, 0.0)[1]
+    true = [measure.amplitude(side[0], 1000.0) for side in truth]
+    for _ in range(6):
+        (lasts, firsts), other = campaign(rng, 0.05)
+        lasts[2], firsts[2] = firsts[2], lasts[2]
+        both = [
+            condition(*sides, 1000.0, 0.39, measure, name=name)
+            for sides, name in (((lasts, firsts), ""), (other, "other "))
+        ]
+        judged, alone = CampaignLikelihoods.of(both), CampaignLikelihoods.of(both[1:])
+        said = [one.message for one in judged.scatter_findings(both[0])]
+        assert [f"most {name}" in text for name, text in zip(("with2", "without2"), said, strict=True)] == [True, True]
+        assert not judged.scatter_findings(both[1])
+        found, expected = (one.reduction(both[1], PLACE) for one in (judged, alone))
+        assert np.diff(found.interval) < 1.3 * np.diff(expected.interval)
+        held += found.interval[0] <= 100.0 * (1.0 - true[0] / true[1]) <= found.interval[1]
+    assert_holds(held, 6)
+
+
+@pytest.mark.parametrize(("noise", "friction"), [(0.05, 0.0), (2.0, 0.0), (0.05, 0.1)])
+def test_noise_and_friction_are_not_unlike(noise, friction):
+    """Noise louder than what repeats is alike on all sides; what goes with the vibration is little beside it."""
+    rng, found = np.random.default_rng(4), 0
+    for _ in range(20):
+        sides = [
+            [{PLACE: Amplitude.of(v[None], 1000.0, Measure(), (0.0, 0.39), (0.4, 1.5))[0]} for v in side]
+            for both in campaign(rng, noise, friction)
+            for side in both
+        ]
+        aligned = [Synchronous.of([{p: replace(one, timed=True) for p, one in r.items()} for r in s]) for s in sides]
+        found += any(unlike(aligned))
+    assert found <= 1
