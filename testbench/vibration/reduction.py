@@ -5,7 +5,7 @@ and from what the repeats differ by beyond that noise.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -257,14 +257,10 @@ def analyze(
     about = {column.channel for rig in rigs for column in rig.base_columns}
     spoilt = [s for s in examination.contradictions if s.concerns(about)]
     mixed = {s.run for s in spoilt if s.code and examination.withheld([s.code])}
-    unlike = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
-    # What differs between repeats of which one is not what it is taken for is no noise of the other conditions.
-    apart = [[c for c, one in zip(conditions, unlike, strict=True) if one is wrong] for wrong in (False, True)]
-    judges = [CampaignLikelihoods.of(some, pool.in_memory) for some in apart]
-    known_of = [iter(pool.in_memory.map(one.calibrated, some)) for one, some in zip(judges, apart, strict=True)]
+    judged = CampaignLikelihoods.of(conditions, pool.in_memory, mixed)
     reductions: list[Reduction] = []
-    for condition, wrong in zip(conditions, unlike, strict=True):
-        judged, some = judges[wrong], _doubted(condition.pair, next(known_of[wrong]), examination)
+    for condition, known_of in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
+        some = _doubted(condition.pair, known_of, examination)
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += some
@@ -366,13 +362,16 @@ class CampaignLikelihoods:
     """Of the aligned repeats of each side, by condition and place."""
 
     @classmethod
-    def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
-        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise.
+    def of(
+        cls, conditions: Sequence[Condition], pool: TaskPool = HERE, mixed: Container[str] = ()
+    ) -> "CampaignLikelihoods":
+        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise, to
+        which repeats with a run of a ``mixed`` name add nothing.
 
         Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once;
         the others are cut finer than that, so that all are done at about the same time.
         """
-        found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
+        found = cls(CampaignNoise.of(conditions, pool, mixed), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
         places = list(dict.fromkeys(place for condition in conditions for place in condition.places))
         some = {place: [condition for condition in conditions if place in condition.places] for place in places}
@@ -432,20 +431,21 @@ class CampaignLikelihoods:
 
     def calibrated(self, condition: Condition) -> list[Reduction]:
         """Of all places, with what calibrations add to the interval, and what there is to say of the amplitudes."""
-        each = [(place, *self._with_sides(condition, place)) for place in condition.places]
-        return [
-            found
-            if sides is None
-            else self._withheld(found, condition, place)
-            or _calibrated(found, AmplitudesUncertainty.of(sides, condition.pair, place))
-            for place, found, sides in each
-        ]
+        return [self._judged(condition, place) for place in condition.places]
 
-    def _withheld(self, found: Reduction, condition: Condition, place: Place) -> Reduction | None:
-        """The reduction without a number, where repeats of a side differ too much to have an interval."""
-        if not any(self.repeats[place].withholds(group) for group in self.groups[id(condition), place] or ()):
-            return None
-        return replace(found, interval=None, method=None, synchronous_interval=None, doubts=(REPEATS_DIFFER,))
+    def _judged(self, condition: Condition, place: Place) -> Reduction:
+        """Of one place: doubtful where repeats of a side differ, without a number where no interval bounds it then."""
+        found, sides = self._with_sides(condition, place)
+        if sides is None:
+            return found
+        repeats, groups = self.repeats[place], self.groups[id(condition), place] or ()
+        known = AmplitudesUncertainty.of(sides, condition.pair, place)
+        one = found if any(map(repeats.withholds, groups)) else _calibrated(found, known)
+        if not any(map(repeats.excludes, groups)):
+            return one
+        if one is found or one.interval is None:
+            one = replace(found, interval=None, method=None, synchronous_interval=None)
+        return replace(one, doubts=(REPEATS_DIFFER,))
 
     def _side(self, runs: Group, mean: Group | None, place: Place) -> ConditionAmplitude:
         """By the mean of the aligned repeats near the noise; far above it, or if they differ, by each of them."""
@@ -462,16 +462,15 @@ class CampaignLikelihoods:
             for group in self.groups[id(condition), place] or ()
             if self.repeats[place].excludes(group)
         ]
-        effect = {False: "the interval is wider for it", True: "so much that there is no interval"}
         return [
             Finding(
                 REPEATS_DIFFER,
                 None,
                 where := " ".join(group.names),
                 f"{condition.pair.key}, {sensor} along {axis}: repeats differ by more than their noise, most "
-                f"{group.odd}: {effect[self.repeats[sensor, axis].withholds(group)]}; compare their logs, leave out "
-                "what is not like the others; a mode of the floor as loud as the vibration does the same: name a "
-                f"--band without it ({where})",
+                f"{group.odd}: the interval is wider for it, or there is none; compare their logs, leave out what is "
+                "not like the others; a mode of the floor as loud as the vibration does the same: name a --band "
+                f"without it ({where})",
             )
             for (sensor, axis), group in odd
         ]
@@ -545,9 +544,9 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
     where = " ".join(run.name for run in pair.runs)
     alive = [r for r in found if (r.sensor, r.axis) not in dead]
     without = [r for r in alive if r.percent is None and REPEATS_DIFFER not in r.doubts]  # which says why
-    unsure = [r for r in without if r.n[1] > 1 and r.amplitudes[1] > (r.noise_floor[1] or np.inf)]
-    remedy = "repeat the runs, or name a --band without the noise"
-    if unsure and not condition.timed:
+    alone, repeated = ([r for r in without if (r.n[1] > 1) is several] for several in (False, True))
+    remedy = "compare the logs of the repeats, repeat the runs, or name a --band without the noise"
+    if repeated and not condition.timed:
         remedy = (
             "nothing tells on the accelerometers' clock when they move (no command or encoder, and no trigger or "
             "alignment that relates one), so that they are aligned by what they show alone, if at all: record a "
@@ -577,14 +576,14 @@ def reduction_findings(condition: Condition, found: Sequence[Reduction]) -> list
         ),
         (
             "no_reduction",
-            [r for r in without if r not in unsure],
-            "nothing vibrates above the noise (rests, and what repeats do not share) without counter-masses: there is "
-            "no reduction",
+            alone,
+            "nothing vibrates above the noise without counter-masses: there is no reduction",
         ),
         (
             "no_reduction",
-            unsure,
-            "what the repeats without counter-masses do not share hides what they do: there is no reduction; " + remedy,
+            repeated,
+            "what the repeats without counter-masses share is not above the noise (rests, and what they do not share): "
+            f"there is no reduction; {remedy}",
         ),
         (
             "noise_stated",
@@ -663,6 +662,8 @@ def verdict(reductions: Sequence[Reduction], examination: Examination | None = N
     if withheld:
         codes = ", ".join(sorted({code for r in withheld for code in r.doubts} & WITHHELD))
         counts.append(f"{len(withheld)} {of_all} are withheld for {codes}: see the findings")
+    if differ := [r for r in reductions if REPEATS_DIFFER in r.doubts and r.kind != "withheld"]:
+        counts.append(f"{len(differ)} {of_all} are doubtful for {REPEATS_DIFFER}: see the findings")
     others = len(reductions) - len(sound) - len(bounds) - len(upper) - len(withheld)
     counts += [f"{others} {of_all} have no interval"] if others else []
     if examination:
@@ -678,13 +679,12 @@ def verdict(reductions: Sequence[Reduction], examination: Examination | None = N
 
 
 def _number(some: Sequence[Reduction]) -> str:
-    """The reductions of a place, or the only one with its interval."""
+    """The reductions of a place, with the lowest and the highest end of their intervals."""
     values = [r.percent for r in some if r.percent is not None]
-    if len(some) > 1:
-        return f"{_change(values)} in {len(some)} conditions"
-    ends = list(some[0].interval or ())
-    ends = ends if values[0] >= 0.0 else [-end for end in reversed(ends)]
-    return f"{_change(values)} [{', '.join(f'{end:.1f}' for end in ends)}]"
+    ends = [end for r in some for end in r.interval or ()]
+    ends = ends if max(values) >= 0.0 else [-end for end in ends]
+    between = f"{_change(values)} [{min(ends):.1f}, {max(ends):.1f}]"
+    return f"{between} in {len(some)} conditions" if len(some) > 1 else between
 
 
 def _lower_bounds(some: Sequence[Reduction], more: bool) -> list[str]:

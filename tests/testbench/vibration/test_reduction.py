@@ -117,8 +117,14 @@ def test_the_verdict_says_what_is_raised(brief_analysis):
     sound = next(r for r in brief_analysis("peak_to_peak").reductions if r.limit is None)
     more, most, less = (replace(sound, percent=p, interval=(p - 2.0, p + 3.0)) for p in (-1.5, -13.25, 4.0))
     assert verdict([more]) == f"{sound.axis}: raised by 1.5 % [-1.5, 3.5]."
-    assert verdict([more, most]) == f"{sound.axis}: raised by 1.5 to 13.2 % in 2 conditions."
-    assert verdict([most, less]) == f"{sound.axis}: between raised by 13.2 % and reduced by 4.0 % in 2 conditions."
+    assert verdict([more, most]) == f"{sound.axis}: raised by 1.5 to 13.2 % [-1.5, 15.2] in 2 conditions."
+    mixed = f"{sound.axis}: between raised by 13.2 % and reduced by 4.0 % [-15.2, 7.0] in 2 conditions"
+    assert verdict([most, less]) == f"{mixed}."
+    wide = replace(less, interval=(-11.7, 49.7), doubts=("repeats_differ",))
+    assert verdict([less, wide]) == (
+        f"{sound.axis}: reduced by 4.0 to 4.0 % [-11.7, 49.7] in 2 conditions; 1 of 2 reductions are doubtful for "
+        "repeats_differ: see the findings."
+    )
     bound = next(r for r in brief_analysis("peak_to_peak").reductions if r.below_noise)
     assert "not raised by more than 12.0 % (" in verdict([replace(bound, interval=(-12.0, 100.0))])
     assert "the noise hides whether it fell or rose in 1 condition." in verdict(
