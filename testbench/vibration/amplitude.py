@@ -374,7 +374,7 @@ class Amplitude:
         )
 
     def in_band(self, whole: Floats) -> Floats:
-        """Records (..., m) of the same rate in the band, (..., m)."""
+        """Records (..., m) [unit] of the same rate in the band, (..., m) [unit]."""
         count = whole.shape[-1]
         gain = gain_of_record(self.measure, count, count / self.rate_hz, self.logger_hz)
         return _from_cosines(_cosines(whole, count) * gain)

@@ -87,7 +87,7 @@ class Lines:
         return np.asarray(_waves(count, rate_hz, self.hz, self.orders) @ self.shares)
 
     def errors(self, count: int, rate_hz: float) -> Floats:
-        """By how much they may be wrong in samples (n,): independent courses of one standard deviation, (j, n)."""
+        """By how much they may be wrong in samples (n,): independent courses of a standard deviation, (j, n) [unit]."""
         waves = _waves(count, rate_hz, self.hz, self.orders)
         design = np.column_stack([waves, _by_frequency(waves, rate_hz, self.orders, self.shares)])
         return np.asarray((design @ self.root).T)
