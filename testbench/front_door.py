@@ -386,7 +386,7 @@ def identify(
     taken = assemble(aligned, by, accept)
     open_findings = examine(bound, accept, model).open_findings
     found = identified(taken.records, taken.mechanism, method, done=done)
-    found = replace(found, contradictions=open_findings, by=taken.by, notes=taken.notes)
+    found = replace(found, contradictions=(*open_findings, *taken.findings), by=taken.by, notes=taken.notes)
     if not validate:
         return found
     separate = [AlignedRun(run, model) for run in bound_runs(validate, rig)]

@@ -23,6 +23,8 @@ COULOMB_SPEED = 0.005
 """Speed at which dry friction has reached 76 % of its value [rad/s, m/s]: as good as its sign."""
 ROUNDING = 1e-9
 """Share of the largest part of a sum up to which the sum is rounding [-]."""
+ROOT = 9
+"""Numbers in the motion of a base: rate of turning, acceleration of its origin, angular acceleration."""
 JOINT_TERMS = ("coulomb", "viscous", "offset", "armature")
 """Dry friction [N m], viscous friction [N m s], offset [N m], inertia of the drive [kg m2]; for slides in [N] ..."""
 FRICTION_LAWS: dict[str, tuple[float, ...]] = {
@@ -61,11 +63,13 @@ def rounding_of_force(mechanism: Mechanism, trajectory: Trajectory) -> float:
     return ROUNDING * float(abs(regressor[:, :3] * mechanism.pi).max(initial=0.0))
 
 
-def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> Floats:
+def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats, root: Floats | None = None) -> Floats:
     """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (n, nv, 10 nb) [N m, N].
 
     ``q``, ``v``, ``a`` are (n, nv). Torques of the driven joints of a closed loop are ``driven_rates.T @ W @ pi``.
-    Armature and friction are not in it.
+    Armature and friction are not in it. ``root`` (n, 9) is the motion of the base in its own axes: rate of turning,
+    acceleration of its origin, angular acceleration [rad/s, m/s2, rad/s2], the weight being that of the base at rest:
+    an accelerometer's acceleration holds what the weight makes of its tilt. None: it rests.
     """
     tree, gravity = mechanism.tree, mechanism.gravity
 
@@ -76,18 +80,23 @@ def torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats) -> F
             found[i] = along_axis(load, at, tree, i)
         return found
 
-    name = f"torque {gravity.tolist()}"
-    program = regressor_program(mechanism, name, torques, 3)
-    return _checked(mechanism, program, name, (q, v, a), PinocchioEngine.torque_regressor)
+    moved = [] if root is None else [root]
+    name = f"torque {gravity.tolist()}{' on a moving base' * len(moved)}"
+    program = regressor_program(mechanism, name, torques, 3, len(moved))
+    return _checked(mechanism, program, name, (q, v, a, *moved), PinocchioEngine.torque_regressor)
 
 
-def regressor_program(mechanism: Mechanism, name: str, load_of: Load, states: int) -> Program:
-    """From q and rates, so many ``states``, to the load of each body for each of its parameters at one, others zero."""
+def regressor_program(mechanism: Mechanism, name: str, load_of: Load, states: int, roots: int = 0) -> Program:
+    """From q and rates, so many ``states``, to the load of each body for each of its parameters at one, others zero.
+
+    With one of ``roots`` the motion of the base is the last state.
+    """
     tree = mechanism.tree
 
     def write() -> Program:
         tape = Tape()
-        q, *rates = (tape.rows(tree.size) for _ in range(states))
+        sizes = [tree.size] * states + [ROOT] * roots
+        q, *rates = map(tape.rows, sizes)
         at = pose(tree, q)
         moving = motion(tree, at, *rates)
         units = [(row, joint) for joint in tree.bodies for row in numbers(np.eye(len(PARAMETERS)))]
@@ -113,12 +122,15 @@ def _checked(
     return found
 
 
-def driven_torque_regressor(mechanism: Mechanism, q: Floats, v: Floats, a: Floats, rates: Floats) -> Floats:
+def driven_torque_regressor(
+    mechanism: Mechanism, q: Floats, v: Floats, a: Floats, rates: Floats, root: Floats | None = None
+) -> Floats:
     """W with ``W @ pi`` = torques of the driven joints, (n, dof, 10 nb) [N m, N].
 
-    ``q``, ``v``, ``a`` are (n, nv), ``rates`` (n, nv, dof) those of all coordinates per rate of the driven joints.
+    ``q``, ``v``, ``a`` are (n, nv), ``rates`` (n, nv, dof) those of all coordinates per rate of the driven joints,
+    ``root`` as of ``torque_regressor``.
     """
-    return np.einsum("nij,nik->njk", rates, torque_regressor(mechanism, q, v, a))
+    return np.einsum("nij,nik->njk", rates, torque_regressor(mechanism, q, v, a, root))
 
 
 def first_moment_regressor(mechanism: Mechanism, q: Floats) -> Floats:

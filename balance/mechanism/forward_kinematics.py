@@ -155,12 +155,15 @@ def rotated(frame: Symbols, axis: Floats, angle: Any) -> Symbols:  # noqa: ANN40
     return frame + s * first + (1.0 - c) * (first @ k)
 
 
-def motion(tree: Tree, at: Pose, v: Symbols, a: Symbols | None = None) -> Motion:
+def motion(tree: Tree, at: Pose, v: Symbols, a: Symbols | None = None, root: Symbols | None = None) -> Motion:
     """Velocities and accelerations at joint rates ``v`` and ``a`` (nv,) [rad/s, m/s; rad/s2, m/s2]; None is zero.
 
-    A joint's frame from its parent's: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus the joint's rates.
+    A joint's frame from its parent's: v = v0 + w x d, a = a0 + al x d + w x (w x d), plus the joint's rates. ``root``
+    (9,) are w, a0 and al of the base, in its axes [rad/s, m/s2, rad/s2]; None: it rests. Its speed plays no part.
     """
     omega, velocity, alpha, acceleration = numbers(np.zeros((4, tree.size + 1, 3)))
+    if root is not None:
+        omega[-1], acceleration[-1], alpha[-1] = root[:3], root[3:6], root[6:]
     for i, joint in enumerate(tree.joints):
         p = joint.parent
         arm = at.position[i] - at.position[p]

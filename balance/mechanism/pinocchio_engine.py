@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import ModelError
 from .loop_constraints import Anchor, Coupling, Loop
-from .mechanism import PARAMETERS, Mechanism
+from .mechanism import Mechanism
 
 if TYPE_CHECKING:
     import pinocchio
@@ -43,7 +43,6 @@ class PinocchioEngine:
         self.turning = np.array([joint.revolute for joint in mechanism.tree.joints])
         """Whether a coordinate is an angle, (nv,)."""
         self._bodies = mechanism.tree.bodies
-        self._columns = len(PARAMETERS) * len(mechanism.bodies)
         self._constraints = self._pin.StdVec_RigidConstraintModel()
         self._constraint_data = self._pin.StdVec_RigidConstraintData()
         self._couplings = [loop for loop in mechanism.loops if isinstance(loop, Coupling)]
@@ -90,10 +89,24 @@ class PinocchioEngine:
         self._pin.forwardKinematics(self.model, self.data, q, v, a)
         return -self._in_base(list(map(self._pin.bodyRegressor, self.data.v, self.data.a)))
 
-    def torque_regressor(self, q: Floats, v: Floats, a: Floats) -> Floats:
-        """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (nv, 10 nb) [N m, N]."""
-        found = self._pin.computeJointTorqueRegressor(self.model, self.data, q, v, a)
-        return np.array(found).reshape(self.model.nv, self._columns)
+    def torque_regressor(self, q: Floats, v: Floats, a: Floats, root: Floats | None = None) -> Floats:
+        """W with ``W @ pi`` = torques of the joints of the open tree, gravity included, (nv, 10 nb) [N m, N].
+
+        ``root`` (9,) is the motion of the base: rate of turning, acceleration, angular acceleration.
+        """
+        turning, pushed, turned = np.zeros((3, 3)) if root is None else root.reshape(3, 3)
+        speed = self._pin.Motion(np.zeros(3), turning)
+        rate = self._pin.Motion(pushed - self.model.gravity.linear, turned)
+        self._pin.forwardKinematics(self.model, self.data, q, v, a)
+        self._pin.computeJointJacobians(self.model, self.data, q)
+        found = []
+        for joint in range(1, self.model.njoints):
+            place, own = self.data.oMi[joint], self.data.v[joint]
+            base = place.actInv(speed)
+            body = self._pin.bodyRegressor(own + base, self.data.a[joint] + place.actInv(rate) + base.cross(own))
+            jacobian = self._pin.getJointJacobian(self.model, self.data, joint, self._pin.LOCAL).reshape(6, -1)
+            found.append(jacobian.T @ body)
+        return np.hstack(found)
 
     def point(self, q: Floats, joint: int, offset: Floats) -> tuple[Floats, Floats]:
         """Base coordinates (3,) [m] of a point at ``offset`` (3,) [m] in a joint's frame, and its Jacobian (3, nv)."""

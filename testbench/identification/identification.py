@@ -13,7 +13,7 @@ from ..recording import common_origin
 from .cross_validation import CUTOFFS_HZ, Choice, choose, possible_cutoffs
 from .estimators import BLOCK_PERIODS, Method, Methods, NotSimulated, allowed
 from .records import JointRecord
-from .regression_equations import one_sided, regression_equations
+from .regression_equations import acted_on_by_root, one_sided, regression_equations
 from .result import Identification
 
 _MOST_VARIANTS = 5
@@ -43,6 +43,9 @@ def identify(
     possible = possible_cutoffs(records)
     middle = regression_equations(records, mechanism, possible[len(possible) // 2])
     identifiable = identifiability(middle.columns * middle.moving[:, :, None], middle.names)
+    if any(record.root is not None for record in records):
+        of_root = acted_on_by_root(identifiable, mechanism)
+        records = [replace(record, of_root=of_root) for record in records]
     done(len(CUTOFFS_HZ) - len(possible))
     choice = choose(records, mechanism, identifiable, method, done)
     delay, cutoff = choice.chosen.delay, choice.chosen.cutoff

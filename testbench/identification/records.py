@@ -19,8 +19,9 @@ from balance.results import instant_text
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, on_grid
+from ..loads.drive_torque import moves_on_base, root_motion, share_of_unseen_base
 from ..loads.shaking_wrench import MeasuredLoads, measured_loads
-from ..recording import Origin
+from ..recording import Finding, Origin
 from ..rig import Column
 from ..rig.sensors import Encoder, Torque
 from ..runs.aligned_run import AlignedRun, trigger_notes
@@ -36,7 +37,22 @@ BASE_STILL = "The base is taken for still: the rig says fixed, or has no acceler
 BASE_MOVES = (
     "The base's motion is taken out of the forces with the mass that MECH has as mounted; moments are left out."
 )
+ROOT_MOVES = "The base's motion, by its accelerometers, is in the model of the torques."
+UNSEEN = 1e-3
+"""Share of a drive's torque that a base which the rig states may make by motion that no accelerometer shows."""
+BASE_UNSEEN = (
+    "{}: the base that the rig's [bench] states makes up to {:.2g} of a drive's torque by motion that no accelerometer "
+    "shows; these torques are taken for those on a base at rest, and no interval contains that; record the motion "
+    '(in the rig accelerometers attached_to = "base", two where it turns), or state that it does not move ([bench] '
+    "fixed = true)"
+)
+BASE_UNKNOWN = (
+    "{}: the rig's [bench] states a base that moves, and no accelerometer on it: the forces hold the mechanism's "
+    "inertia against that motion, which is taken for shaking force, and no interval contains that; record it (in the "
+    'rig an accelerometer attached_to = "base"), or state that it does not move ([bench] fixed = true)'
+)
 By = Literal["torque", "wrench", "both"]
+UNSEEN_CODE = "base_unseen"
 DIFFERS = "mechanism_differs"
 """The finding that a person may accept: the rig is of another mechanism."""
 
@@ -90,6 +106,10 @@ class JointRecord:
     """Of the torques, by name in the rig, in the order of the joints."""
     laws: tuple[Law, ...] = ()
     """Of friction beyond Coulomb + viscous, which it is taken to have."""
+    root: Floats | None = None
+    """Motion of the base, as ``torque_regressor`` has it, (n, 9) [rad/s, m/s2, rad/s2]; None: it is taken for still."""
+    of_root: Floats | None = None
+    """Inertial parameters that this motion acts on, per bodies' and joints' parameters, (10 nb, p); None: nothing."""
 
     @property
     def measured(self) -> Floats:
@@ -130,6 +150,8 @@ class Assembled:
     by: By
     notes: tuple[str, ...] = ()
     """What was left out, and why."""
+    findings: tuple[Finding, ...] = ()
+    """What of the base is not known."""
 
 
 def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[str] = ()) -> Assembled:
@@ -147,8 +169,17 @@ def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[
     chosen = by or ("torque" if runs[0].rig.of_kind(Torque) else "wrench")
     records: list[JointRecord] = []
     notes: dict[str, None] = {}
+    findings: list[Finding] = []
     for run in runs:
         record = joint_record(run, torque=chosen != "wrench")
+        if chosen != "wrench":
+            if (root := root_motion(run)) is not None and run.base is not None:
+                record = replace(record, root=root, gaps=run.gaps({run.base.group}))
+                notes[ROOT_MOVES] = None
+            if (share := share_of_unseen_base(run, CUTOFF_HZ)) > UNSEEN:
+                findings.append(Finding(UNSEEN_CODE, None, run.name, BASE_UNSEEN.format(run.name, share)))
+        elif run.base is None and run.rig.bench.is_stated and moves_on_base(run):
+            findings.append(Finding(UNSEEN_CODE, None, run.name, BASE_UNKNOWN.format(run.name)))
         if chosen != "torque":
             path = run.trajectory(CUTOFF_HZ)
             loads, missing = measured_loads(run, wrench_regressor(run.mechanism, path.q, path.v, path.a), CUTOFF_HZ)
@@ -159,7 +190,7 @@ def assemble(runs: Sequence[AlignedRun], by: By | None = None, accept: Sequence[
     if len({() if record.loads is None else record.loads.names for record in records}) > 1:
         listed = "; ".join(f"{r.name}: {', '.join(r.loads.names)}" for r in records if r.loads is not None)
         raise AnalysisError(f"runs whose force sensors determine different components: {listed}: identify them apart")
-    return Assembled(runs[0].mechanism, tuple(records), chosen, (*notes, *trigger_notes(runs)))
+    return Assembled(runs[0].mechanism, tuple(records), chosen, (*notes, *trigger_notes(runs)), tuple(findings))
 
 
 def joint_record(run: AlignedRun, *, torque: bool = True) -> JointRecord:

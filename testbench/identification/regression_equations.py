@@ -35,6 +35,8 @@ from .records import JointRecord, Law
 
 POSITION_BANDWIDTH = 2.0
 """Cut-off for the positions, in cut-offs of the comparison."""
+_LEAST_SHARE = 1e-6
+"""Of a parameter that is zero in the file, in the largest [-]."""
 NEARBY = 1e-5
 """Of differences [rad, m, and their rates]."""
 
@@ -43,6 +45,25 @@ def path_of(record: JointRecord, mechanism: Mechanism, motion: Rates, near: Traj
     """The mechanism closed along any motion of the record's driven joints; quicker from a path ``near`` by."""
     samples = Samples(record.grid.time, motion.q, motion.v, motion.a, joints=mechanism.driven)
     return Closure(mechanism).follow(samples, near=near)
+
+
+def parameters_in_file(mechanism: Mechanism, joints: Sequence[str]) -> Floats:
+    """Of the bodies, then of each of the ``joints`` its JOINT_TERMS, as the mechanism's file has them, (p,) [SI]."""
+    terms = (mechanism.coulomb, mechanism.viscous, 0.0 * mechanism.viscous, mechanism.armature)
+    return np.concatenate([mechanism.pi, *(np.array(terms)[:, mechanism.coordinate_index(j)] for j in joints)])
+
+
+def acted_on_by_root(identifiable: Identifiability, mechanism: Mechanism) -> Floats:
+    """Inertial parameters that a base's motion acts on, per parameters of bodies and joints, (10 nb, p) [-].
+
+    Each base parameter is shared out over the parameters that make it up, in proportion to the file's: what a base at
+    rest does not tell apart, such as a body's inertia and its drive's, which does not move with the base, its small
+    motion hardly tells.
+    """
+    size = np.abs(parameters_in_file(mechanism, mechanism.driven))
+    known = identifiable.combinations[:, : len(size)]
+    scaled = known * (size + _LEAST_SHARE * size.max())
+    return np.asarray((scaled.T @ np.linalg.pinv(scaled @ known.T, hermitian=True) @ known)[: len(mechanism.pi)])
 
 
 @dataclass(frozen=True)
@@ -88,14 +109,22 @@ class RecordEquations:
         return self.regressor(self.motion, self.path)
 
     def regressor(self, motion: Rates, path: Trajectory) -> Floats:
-        """W of the record's rows for any motion of its driven joints, (samples, rows, p)."""
+        """W of the record's rows for any motion of its driven joints, (samples, rows, p).
+
+        The motion of the base acts on the parameters ``of_root``, so that it tells no more of them apart.
+        """
         mechanism, loads, joints = self.mechanism, self.record.loads, self.record.torque.shape[1]
         bodies, rows = len(mechanism.pi), len(self.offsets)
         columns = np.zeros((len(path.q), rows, len(self.names)))
         if joints:
             terms = joint_friction_regressor(mechanism.driven, motion.v, motion.a, DRY_PART * self.rest)[0]
-            columns[:, :joints, :bodies] = driven_torque_regressor(mechanism, path.q, path.v, path.a, path.per_drive)
+            states = (mechanism, path.q, path.v, path.a, path.per_drive)
+            columns[:, :joints, :bodies] = still = driven_torque_regressor(*states)
             columns[:, :joints, bodies : bodies + terms.shape[2]] = terms
+            if self.record.root is not None and self.record.of_root is not None:
+                root = low_pass(self.record.root, POSITION_BANDWIDTH * self.cutoff, self.record.grid.rate)
+                moved = driven_torque_regressor(*states, root) - still
+                columns[:, :joints, : self.record.of_root.shape[1]] += moved @ self.record.of_root
         if loads is not None:
             wrench = wrench_regressor(mechanism, path.q, path.v, path.a)
             columns[:, joints:, :bodies] = loads.projected_regressor(wrench)

@@ -46,7 +46,7 @@ from .cross_validation import (
 from .estimators import Method
 from .model_tests import FALSE_ALARM, Doubt, FreeTest, ModelTests
 from .records import LONGEST_DELAY_S, JointRecord
-from .regression_equations import RegressionEquations, regression_equations
+from .regression_equations import RegressionEquations, parameters_in_file, regression_equations
 
 if TYPE_CHECKING:
     from balance.estimation.uncertainty_budget import Budget
@@ -198,7 +198,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     one_sided: Mapping[str, BaseParameters]
     """With torque and rates smoothed but positions as recorded: often done, biased, shown for comparison only."""
     contradictions: tuple[Finding, ...] = ()
-    """What the runs' sensors contradict in the run table or in each other."""
+    """What the runs' sensors contradict in the run table or in each other, and what of the base they do not show."""
     by: str = ""
     """What it is found from: ``torque``, ``wrench`` or ``both``."""
     notes: tuple[str, ...] = ()
@@ -477,10 +477,7 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
     @cached_property
     def in_file(self) -> Floats:
         """Parameters as the mechanism's file has them, (p,) [SI]."""
-        m = self.mechanism
-        places = [m.coordinate_index(joint) for joint in self.joints]
-        by_term = {"coulomb": m.coulomb, "viscous": m.viscous, "offset": 0.0 * m.viscous, "armature": m.armature}
-        return self._padded(np.concatenate([m.pi, [by_term[term][k] for k in places for term in JOINT_TERMS]]))
+        return self._padded(parameters_in_file(self.mechanism, self.joints))
 
     @property
     def _covariance_factor(self) -> float:
@@ -575,6 +572,6 @@ def validate(result: Identification, records: Sequence[JointRecord]) -> Validati
             raise AnalysisError(
                 f"{record.name}: measured {', '.join(record.rows(result.mechanism))}, expected {', '.join(result.rows)}"
             )
-    laws = result.choice.equations.records[0].laws
-    records = [replace(record, laws=laws) for record in records]
+    first = result.choice.equations.records[0]
+    records = [replace(record, laws=first.laws, of_root=first.of_root) for record in records]
     return Validation(result, names, regression_equations(records, result.mechanism, result.chosen.cutoff))

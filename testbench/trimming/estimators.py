@@ -21,6 +21,7 @@ from balance.estimation.identifiability import NotIdentifiable
 from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseAcceleration
 from ..kinematics.gaps import GAP_FINDING
+from ..loads.drive_torque import known_base, moves_on_base
 from ..recording import Finding
 from ..rig import Column
 from ..rig.sensors import Torque
@@ -31,8 +32,6 @@ from .load_regression import (
     CUTOFF_HZ,
     TORQUE_CUTOFF_HZ,
     force_regression,
-    known_base,
-    moves_on_base,
     torque_channels,
     torque_regression,
 )

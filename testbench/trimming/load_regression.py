@@ -7,13 +7,12 @@ equations are those of first order about values of c. What of the first moment d
 the clocks (a delay of the forces, one of the accelerations), are nuisances.
 
 Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
-pi = C^+ c + N z with the conditions C pi = c and N what they leave free. A base that accelerometers show to move at x''
-adds x'' dp/dv to W, p = W_p pi the momentum. The columns of c are W C^+; z (inertias, and what of the first moments
+pi = C^+ c + N z with the conditions C pi = c and N what they leave free. A base that accelerometers show to move is the
+root that moves (``loads.drive_torque``). The columns of c are W C^+; z (inertias, and what of the first moments
 balances), friction and the drives' own inertia are nuisances, the same in all runs, offsets,
 drifts and delays of the torques run by run.
 """
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -27,14 +26,14 @@ from balance.dynamics.regressor import (
     momentum_regressor,
     wrench_regressor,
 )
-from balance.errors import CounterpoiseError
 from balance.estimation.first_moment_imbalance import condition_columns, with_condition_values
 
 from ..errors import AnalysisError
-from ..kinematics.base_motion import BaseAcceleration, BaseRates, coriolis_force
+from ..kinematics.base_motion import BaseRates, coriolis_force
 from ..kinematics.gaps import ValidSamples, true_segments
 from ..kinematics.smoothing_and_derivatives import DRY_PART, rest_speeds
-from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_loads, refuse_clipped_base
+from ..loads.drive_torque import known_base, root_motion
+from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
@@ -185,7 +184,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     groups = run.run.groups_of(channels)
     if len(groups) > 1:
         raise AnalysisError(f"{run.name}: its motor torques are on several loggers, {', '.join(groups)}")
-    path, base = run.trajectory(bandwidth), known_base(run)
+    path, base, root = run.trajectory(bandwidth), known_base(run), root_motion(run)
     valid = run.valid_samples(bandwidth, [*groups, *([base.group] if base else [])])
     refuse_no_motion(valid, path)
     torque = run.channels(channels)
@@ -209,11 +208,7 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
     joints = len(places)
     friction = terms.reshape(len(terms), joints, joints, 4)[..., [0, 1, 3]].reshape(len(terms), joints, -1)
     rates = path.per_drive[:, :, [seen.index(joint) for joint in model.driven]]
-    bodies = driven_torque_regressor(model, path.q, path.v, path.a, rates)
-    if base is not None:  # the momentum of a unit rate of a drive is its torque for unit accelerations of the base
-        shaken = run.on_grid(base.group, base.time, base.values) @ base.told.T
-        of_drives = [momentum_regressor(model, path.q, rates[:, :, drive]) for drive in range(joints)]
-        bodies = bodies + np.stack([np.einsum("nk,nkp->np", shaken, one) for one in of_drives], axis=1)
+    bodies = driven_torque_regressor(model, path.q, path.v, path.a, rates, root)
     whole = np.concatenate(
         [bodies @ parameter_basis(conditions), friction, torque[:, :, None], valid.rates(torque)[:, :, None]], axis=2
     )
@@ -232,23 +227,6 @@ def torque_regression(run: AlignedRun, conditions: Conditions, cutoff: float) ->
         model.driven,
         conditions.rank,
     )
-
-
-def moves_on_base(run: AlignedRun) -> bool:
-    """Whether the mechanism moves on the base as bodies do; a simulation may hold its inertia."""
-    return run.run.origin != "simulated" or run.rig.bench.coupling == "moving"
-
-
-def known_base(run: AlignedRun) -> BaseAcceleration | None:
-    """What the accelerometers on the base read of a motion that drives feel; None where none is, or no clock relates
-    them. Raises AnalysisError where one is clipped: the base moves, and how is not known.
-    """
-    if not moves_on_base(run) or run.base is None:
-        return None
-    refuse_clipped_base(run.run)
-    with suppress(CounterpoiseError):
-        return run.base if run.clock(run.base.group) else None
-    return None
 
 
 def torque_channels(run: AlignedRun) -> list[Column]:

@@ -45,16 +45,39 @@ def test_regressors_are_pinocchios(name: str) -> None:
     """Momentum, wrench and torque of the open tree, column by column, and the Jacobian of the loops."""
     mechanism = mechanism_of(name)
     motion, engine = referees.random_motion(mechanism, count=6), PinocchioEngine(mechanism)
-    states = (motion.q, motion.v, motion.a)
+    states, root = (motion.q, motion.v, motion.a), np.random.default_rng(1).normal(size=(6, regressor.ROOT))
     for mine, other in (
         (regressor.momentum_regressor(mechanism, *states[:2]), map(engine.momentum_regressor, *states[:2])),
         (regressor.wrench_regressor(mechanism, *states), map(engine.wrench_regressor, *states)),
         (regressor.torque_regressor(mechanism, *states), map(engine.torque_regressor, *states)),
+        (regressor.torque_regressor(mechanism, *states, root), map(engine.torque_regressor, *states, root)),
     ):
         expected = np.array(list(other))
         np.testing.assert_allclose(mine, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
     jacobian = constraints_at(mechanism.tree, mechanism.loops, motion.q)[1]
     np.testing.assert_allclose(jacobian, [engine.constraint_jacobian(q) for q in motion.q], atol=1e-14)
+
+
+ARM = """
+    <body pos="0.1 0.2 0.05"><joint name="a" type="hinge" axis="0 0.6 0.8"/><inertial pos="0.2 0.1 -0.1" mass="2"
+      fullinertia="0.2 0.3 0.4 0.01 0.02 0.03"/>
+    <body pos="0.4 0 0"><joint name="b" type="slide" axis="0.6 0 0.8"/><inertial pos="0 0.1 0" mass="1"
+      diaginertia="0.1 0.2 0.15"/></body></body>"""
+CARRIED = """
+    <body><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+    <joint name="t" type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{}</body>"""
+
+
+def test_a_base_that_moves_is_a_body_that_moves() -> None:
+    """Of an arm on two slides and a hinge, the arm's torques are those of the arm on a base with that motion."""
+    whole, arm = (models.model(models.mjcf(body.format(ARM))) for body in (CARRIED, "{}"))
+    q, v, a = np.random.default_rng(2).normal(size=(3, 5, 5))
+    c, s, none = np.cos(q[:, 2]), np.sin(q[:, 2]), np.zeros(5)
+    to_base = np.moveaxis(np.array([[c, s, none], [-s, c, none], [none, none, none + 1.0]]), 2, 0)
+    pushed = np.einsum("nij,nj->ni", to_base, np.column_stack([a[:, :2], none]) - whole.gravity) + arm.gravity
+    root = np.column_stack([none, none, v[:, 2], pushed, none, none, a[:, 2]])
+    on_it = regressor.torque_regressor(arm, q[:, 3:], v[:, 3:], a[:, 3:], root)
+    np.testing.assert_allclose(on_it, regressor.torque_regressor(whole, q, v, a)[:, 3:, 10:], atol=1e-12)
 
 
 def test_wrench_regressor_is_the_rate_of_the_momentum_regressor() -> None:

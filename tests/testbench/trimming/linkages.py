@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from balance import datasets
-from balance.closure import Closure
+from balance.closure import Closure, Trajectory
 from balance.dynamics.inverse_dynamics import simulate
 from balance.mechanism.mechanism import Mechanism
 from balance.motion import Samples
@@ -95,8 +95,8 @@ def run(
     drive |= {f"tau_{j}": response.torque[j] + rng.normal(0, 0.02, len(time)) for j in mounted.driven}
     text = rig_text(mechanism, plate)
     if shaken:
-        base = path.a[:, :1] * np.array([0.03, -0.02, -0.04])
-        for joint, more in zip(mounted.driven, _base_torques(mounted, path.q, base).T, strict=True):
+        base, speed = (rates[:, :1] * np.array([0.03, -0.02, -0.04]) for rates in (path.a, path.v))
+        for joint, more in zip(mounted.driven, _base_torques(mounted, path, speed, base).T, strict=True):
             drive[f"tau_{joint}"] += more
         for k, (x, y) in enumerate(PLACES):
             drive |= {f"ax{k}": base[:, 0] - y * base[:, 2], f"ay{k}": base[:, 1] + x * base[:, 2]}
@@ -113,18 +113,21 @@ def run(
     return MemoryRun(Path("linkage.h5"), tuple(groups), "simulated", conditions, text, (), {"data": data})
 
 
-def _base_torques(mechanism: Mechanism, q: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """Torques (n, joints) [N m] of a planar arm for accelerations (n, 3) [m/s2, rad/s2] of its base in its plane."""
+def _base_torques(mechanism: Mechanism, path: Trajectory, speed: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Torques (n, joints) [N m] of a planar arm that a small motion of its base in its plane adds.
+
+    Of speeds (n, 3) [m/s, rad/s] and accelerations (n, 3) [m/s2, rad/s2].
+    """
     text = datasets.find_dataset(mechanism.name, "mechanisms", ".xml").read_text("utf-8").partition("<keyframe>")[0]
     joints = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
     joints += "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint/>"
     engine = mujoco.MjModel.from_xml_string(
         text.replace('<body name="base">', f'<body name="base">{joints}') + "</mujoco>"
     )
-    state, found = mujoco.MjData(engine), np.zeros_like(q)
-    for k, (angles, moved) in enumerate(zip(q, base, strict=True)):
+    state, found = mujoco.MjData(engine), np.zeros_like(path.q)
+    for k, (angles, rates, moves, moved) in enumerate(zip(path.q, path.v, speed, base, strict=True)):
         for sign in (1.0, -1.0):
-            state.qpos[3:], state.qacc[:3] = angles, sign * moved
+            state.qpos[3:], state.qvel[3:], state.qvel[:3], state.qacc[:3] = angles, rates, sign * moves, sign * moved
             mujoco.mj_inverse(engine, state)
             found[k] += 0.5 * sign * state.qfrc_inverse[3:]
     return found

@@ -1,11 +1,15 @@
 """One simulated run through ``identify`` and through ``trim``: the same first moments, each by its own front half."""
 
+from dataclasses import replace
+
 import pytest
 
 from balance.mechanism.mjcf_parser import load_mechanism
 from studies import simulated_runs as memory
+from testbench import rig as rigs
 from testbench.identification import identify
-from testbench.identification.records import assemble
+from testbench.identification.records import UNSEEN_CODE, assemble
+from testbench.rig.bench import Bench
 from testbench.trimming import trim_runs
 
 from . import linkages
@@ -28,3 +32,46 @@ def test_first_moments_are_equal(runs, source):
     for one in identified:
         assert trimmed[one.name].value == pytest.approx(one.value, abs=1e-9)
         assert one.value == pytest.approx(one.in_file, abs=1e-6)
+
+
+SPRUNG = Bench.model_validate(
+    {
+        "coupling": "moving",
+        "mass": "12 kg",
+        "inertia": ["0.6 kg m^2"] * 3,
+        "mounts": [
+            {"position": [f"{x} m", f"{y} m", "0 m"], "stiffness": ["2e4 N/m"] * 3, "damping": ["40 N s/m"] * 3}
+            for x, y in ((-0.2, -0.1), (0.2, -0.1), (0.0, 0.2))
+        ],
+    }
+)
+"""Of a light base on springs."""
+
+
+def sprung_run(**sensors):
+    """A run on a base that moves as the first joint does, torques by MuJoCo, its rig stating SPRUNG."""
+    arm = load_mechanism("serial-2r")
+    run = linkages.run(arm, plate=False, seconds=8.0, amplitude=0.6, **sensors)
+    rig = rigs.rig_from_text(run.rig).model_copy(update={"bench": SPRUNG})
+    return memory.aligned([run], arm, rig)
+
+
+def test_a_base_that_moves_is_in_the_model_of_the_torques():
+    """Within 4 standard errors of what the torques were made with; taken for still, far away, the inertias by 10 %."""
+    taken = assemble(sprung_run(shaken=True), "torque")
+    assert not taken.findings
+    found = identify(taken.records, taken.mechanism, "ls", others=False)
+    assert found.verdict == "usable up to a torque scale"
+    for one in found.base_values():
+        assert abs(one.value - one.in_file) < 4.0 * one.estimate.standard_uncertainty
+    still = [replace(record, root=None) for record in taken.records]
+    taken_for_still = identify(still, taken.mechanism, "ls", others=False)
+    wrong = next(one for one in taken_for_still.base_values() if one.name.startswith("Izz[link_1]"))
+    assert abs(wrong.value / wrong.in_file - 1.0) > 0.1
+
+
+def test_a_base_that_moves_unseen_is_a_doubt():
+    """The rig states springs, and no accelerometer is on the base."""
+    (finding,) = assemble(sprung_run(), "torque").findings
+    assert finding.code == UNSEEN_CODE
+    assert "attached_to" in finding.message
