@@ -64,9 +64,14 @@ class Subspace:
     def reduced(self, record: RegressionRecord) -> RegressionRecord:
         """A record of all conditions' values in the coordinates of this space."""
         rank = len(self.start)
-        own, others = record.columns[:, :, :rank], record.columns[:, :, rank:]
-        columns = np.concatenate([own @ self.directions.T, others], axis=2)
-        return replace(record, columns=columns, readings=record.readings - own @ self.start)
+        own, turned = record.columns[:, :, :rank], record.instruments
+
+        def along(every: Floats) -> Floats:
+            return np.concatenate([every[:, :, :rank] @ self.directions.T, every[:, :, rank:]], axis=2)
+
+        instruments = None if turned is None else along(turned)
+        readings = record.readings - own @ self.start
+        return replace(record, columns=along(record.columns), instruments=instruments, readings=readings)
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,9 @@ class _Equations:
         deviations = [sensor_errors.stated_deviations(run.run) | of_mass for run in problem.runs]
         effects = [run.effects for run in runs]
         self.problem = problem
-        self.records, self.entries = sensor_errors.with_error_columns([r.record for r in runs], effects, deviations)
+        self.records, self.entries = sensor_errors.with_error_columns(
+            [run.record for run in runs], effects, deviations, [run.explained for run in runs]
+        )
         others = self.records[0].columns.shape[2] - problem.conditions.rank - len(self.entries)
         self.prior = np.r_[np.zeros(others), np.full(len(self.entries), 0.5 * np.mean([run.period for run in runs]))]
 

@@ -4,7 +4,9 @@ Forces, both sides low-passed alike: P (F + 2 phi' x p) + m P a = P W_F C^+ c (s
 momentum p = W_p C^+ c on a base that turns at phi'. What of phi' is seen by the forces depends on c as well: the
 equations are those of first order about values of c. What of the first moment differs from the file's is held as well,
 -phi'' x H (c - c_file), and m is an unknown near the file's. Offsets and slow drifts of each row, and small errors of
-the clocks (a delay of the forces, one of the accelerations), are nuisances.
+the clocks (a delay of the forces, one of the accelerations), are nuisances. A change of m multiplies the noise of a,
+which stands in P m a as well: least squares would make m smaller, and the noise with it. Its instrument is what of a
+the shaking wrench by the file and a itself, at instants before and after, explain.
 
 Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
 pi = C^+ c + N z with the conditions C pi = c and N what they leave free. A base that accelerometers show to move is the
@@ -13,12 +15,14 @@ balances), friction and the drives' own inertia are nuisances, the same in all r
 drifts and delays of the torques run by run.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
+from balance.dynamics.inverse_dynamics import simulate
 from balance.dynamics.regressor import (
     driven_torque_regressor,
     first_moment,
@@ -37,7 +41,7 @@ from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_
 from ..rig import Column
 from ..rig.sensors import Torque
 from ..runs.aligned_run import AlignedRun
-from .problem import MASS, RunEquations, motion_name, offset_and_drift, parameter_basis, refuse_no_motion
+from .problem import MASS, Entry, RunEquations, motion_name, offset_and_drift, parameter_basis, refuse_no_motion
 from .sensor_errors import force_effects, reading_effects, stated_deviations
 
 MARGIN_PERIODS = 3.0
@@ -46,6 +50,10 @@ CUTOFF_HZ = 40.0
 """Of forces and columns alike: most of what the moves excite lies below, and encoders tell accelerations there."""
 POSITION_BANDWIDTH = 2.0
 """Cut-off of the positions, in cut-offs of the forces."""
+_WRENCH_AT, _READ_AT = (-2, -1, 0, 1, 2), (-4, -3, -2, 2, 3, 4)
+"""Half periods of the cut-off after an instant, from which the base's acceleration at that instant is explained: of the
+wrench and of the readings, whose noise below the cut-off is another from a whole period on.
+"""
 LEAST_MOTION = 1e-2
 """Force of a first moment of 1 kg m below which nothing moves [1/s2]."""
 
@@ -137,14 +145,15 @@ def force_regression(
     nuisance = [turning.projected(valid.rates(loads.forces))]
     deviations = stated_deviations(run.run)
     effects = {entry: turning.projected(change) for entry, change in force_effects(run, deviations, axes).items()}
-    held = loads.projected(turning.readings)
-    if run.base is not None and loads.inertial is not None:
-        of_mass = loads.base_projected(loads.inertial)
-        held, effects[MASS] = held + of_mass, -of_mass
-        nuisance.append(loads.base_projected(valid.rates(loads.inertial)))
-        of_base = reading_effects(loads.inertial, run.base.columns, deviations)
-        effects |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
+    held, explained = loads.projected(turning.readings), dict[Entry, Floats]()
     used = run.motion_span(bandwidth, MARGIN_PERIODS / cutoff)
+    if run.base is not None and loads.inertial is not None:
+        held = held + loads.base_projected(loads.inertial)
+        nuisance.append(loads.base_projected(valid.rates(loads.inertial)))
+        for found, inertial in (effects, loads.inertial), (explained, _explained(run, valid, loads.inertial, cutoff)):
+            of_base = reading_effects(inertial, run.base.columns, deviations)
+            found |= {entry: loads.base_projected(change) for entry, change in of_base.items()}
+            found[MASS] = -loads.base_projected(inertial)
     own, whole, wander, *delays = (
         valid.low_pass(v, cutoff) for v in (loads.projected(turning.columns), held, turning.wander(valid), *nuisance)
     )
@@ -165,7 +174,30 @@ def force_regression(
         {entry: valid.low_pass(change, cutoff)[used] for entry, change in effects.items()},
         None if valid.gaps else whole[before],
     )
-    return replace(equations, about_values=turning.by_forces)
+    explained = {entry: change[used] for entry, change in explained.items()}
+    return replace(equations, about_values=turning.by_forces, explained=explained)
+
+
+def _explained(run: AlignedRun, valid: ValidSamples, inertial: Floats, cutoff: float) -> Floats:
+    """What of ``inertial`` (n, channels) [N] is explained below a cut-off [Hz] without its noise at that instant.
+
+    By the shaking wrench by the file about that instant, and by ``inertial`` so long before and after that noise below
+    the cut-off is another.
+    """
+    response = simulate(run.mechanism, run.trajectory(POSITION_BANDWIDTH * cutoff))
+    made = np.hstack([response.force, response.moment])
+    made, shown = (valid.low_pass(values, cutoff) * valid.kept[:, None] for values in (made, inertial))
+    count, step = len(made), round(0.5 / (cutoff * run.grid.step))
+
+    def around(values: Floats, halves: Sequence[int]) -> Floats:
+        place = np.arange(count)[:, None] + step * np.array(halves)
+        return values[np.clip(place, 0, count - 1)].reshape(count, -1)
+
+    causes = np.hstack([around(made, _WRENCH_AT), around(shown, _READ_AT)])
+    size = np.sqrt(np.mean(causes**2, axis=0))
+    used = size > NOTHING * size.max()
+    causes = causes[:, used] / size[used]
+    return np.asarray(causes @ np.linalg.lstsq(causes, shown, rcond=None)[0])
 
 
 TORQUE_CUTOFF_HZ = 20.0

@@ -142,6 +142,8 @@ class RunEquations:
     """How many are independent, less offset and drift [-]."""
     about_values: bool = False
     """Whether these are equations of first order about values of the conditions, to be made anew about those found."""
+    explained: Effects = field(default_factory=dict)
+    """Instruments for those of the effects that hold noise of the readings: what the model explains of them."""
 
     @classmethod
     def of(

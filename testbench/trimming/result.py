@@ -323,9 +323,10 @@ def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Co
         noise = min(float(own @ estimate.regression.covariance @ own), whole)
         freedom = estimate.regression.degrees_of_freedom(own)
     name = SOURCES[source].name.partition(",")[0]
-    parts = [Contribution(f"{name}: noise, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
+    of = "noise, the base's accelerometers' too" if source == "wrench" else "noise"
+    parts = [Contribution(f"{name}: {of}, and what the model lacks", "A", noise**0.5, "kg m", 1.0, "t", freedom)]
     if whole > noise * (1.0 + 1e-9):
-        stated = f"{name}: stated errors of calibration, cross-talk, resolution"
+        stated = f"{name}: stated errors of calibration, cross-talk, resolution; the file's mass, on a base that moves"
         parts.append(Contribution(stated, "B", (whole - noise) ** 0.5, "kg m", 1.0, "normal"))
     return parts
 

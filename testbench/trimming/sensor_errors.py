@@ -38,20 +38,29 @@ def stated_deviations(run: SIRun) -> dict[Entry, float]:
 
 
 def with_error_columns(
-    records: Sequence[RegressionRecord], effects: Sequence[Effects], deviations: Sequence[Mapping[Entry, float]]
+    records: Sequence[RegressionRecord],
+    effects: Sequence[Effects],
+    deviations: Sequence[Mapping[Entry, float]],
+    explained: Sequence[Effects] | None = None,
 ) -> tuple[list[RegressionRecord], list[Entry]]:
     """Records with a shared column for each entry that changes one, and those entries.
 
     In each record it is per standard deviation of the entry in that run: one may be calibrated better than another.
+    Instruments of a record are what is ``explained`` of its effects, where that is given, and else its columns.
     """
     entries = sorted({entry for one in effects for entry in one})
     if not entries:
         return list(records), []
     joined = []
-    for record, one, own in zip(records, effects, deviations, strict=True):
-        still = np.zeros_like(record.readings)
-        columns = np.stack([own[entry] * one[entry] if entry in one else still for entry in entries], axis=2)
-        joined.append(replace(record, columns=np.concatenate([record.columns, columns], axis=2)))
+    for record, one, own, told in zip(records, effects, deviations, explained or [{}] * len(records), strict=True):
+        columns, instruments = (
+            np.stack([own[e] * of[e] if e in of else np.zeros_like(record.readings) for e in entries], axis=2)
+            for of in (one, {**one, **told})
+        )
+        wider = replace(record, columns=np.concatenate([record.columns, columns], axis=2))
+        if told:
+            wider = replace(wider, instruments=np.concatenate([record.columns, instruments], axis=2))
+        joined.append(wider)
     return joined, entries
 
 

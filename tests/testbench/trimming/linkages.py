@@ -88,7 +88,7 @@ def run(
     rng = np.random.default_rng(seed)
     mounted = mechanism.with_counter_mass(counter_masses or {})
     time = np.arange(0.0, seconds, 1.0 / rate)
-    path = Closure(mounted).follow(_motion(mounted, time, np.random.default_rng(5), amplitude))
+    path = Closure(mounted).follow(motion(mounted, time, np.random.default_rng(5), amplitude))
     response = simulate(mounted, path)
     data, groups = {}, []
     drive = {f"q_{j}": path.q[:, mounted.coordinate_index(j)] + rng.normal(0, 2e-5, len(time)) for j in mounted.driven}
@@ -101,14 +101,14 @@ def run(
         for k, (x, y) in enumerate(PLACES):
             drive |= {f"ax{k}": base[:, 0] - y * base[:, 2], f"ay{k}": base[:, 1] + x * base[:, 2]}
             text += ON_BASE.format(k=k, at=(x, y))
-    groups.append(_group("drive", drive, data, rate))
+    groups.append(group("drive", drive, data, rate))
     if plate:
         cut = slice(round(START * rate), None)
         wrench = np.hstack([response.force, response.moment])[cut]
         names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
         forces = {n: w + rng.normal(0, 0.1, len(w)) for n, w in zip(names, wrench.T, strict=True)}
         forces |= {a: rng.normal(0, 0.005, len(wrench)) for a in ("ax", "ay", "az")}
-        groups.append(_group("plate", forces, data, rate))
+        groups.append(group("plate", forces, data, rate))
     conditions = {"counter_masses": counter_masses or {}}
     return MemoryRun(Path("linkage.h5"), tuple(groups), "simulated", conditions, text, (), {"data": data})
 
@@ -157,21 +157,29 @@ def exact_run(mechanism: Mechanism, seconds: float = 6.0, rate: float = 500.0) -
     values |= dict(zip(names, np.hstack([response.force, response.moment]).T, strict=True))
     text = rig_text(mechanism).partition("[sensors.base_acc]")[0].replace('logger = "plate"', 'logger = "drive"')
     data: dict[str, np.ndarray] = {}
-    group = _group("drive", values, data, rate)
-    return MemoryRun(Path("exact.h5"), (group,), "simulated", {"counter_masses": {}}, text, (), {"data": data})
+    return MemoryRun(
+        Path("exact.h5"),
+        (group("drive", values, data, rate),),
+        "simulated",
+        {"counter_masses": {}},
+        text,
+        (),
+        {"data": data},
+    )
 
 
 UNITS = {"q": "rad", "t": "N m", "F": "N", "M": "N m", "a": "m/s^2"}
 
 
-def _group(name: str, columns: dict[str, np.ndarray], data: dict[str, np.ndarray], rate: float) -> StoredGroup:
+def group(name: str, columns: dict[str, np.ndarray], data: dict[str, np.ndarray], rate: float) -> StoredGroup:
+    """The columns (n,) as one logger's, their values put into ``data``."""
     data.update({f"{name}/{key}": values for key, values in columns.items()})
     channels = tuple(Channel(key, UNITS[key[0]]) for key in columns)
     count = len(next(iter(columns.values())))
     return StoredGroup(name, channels, UniformClock(rate), None, count, rate, "declared", None, name, tuple(columns))
 
 
-def _motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator, amplitude: float) -> Samples:
+def motion(mechanism: Mechanism, time: np.ndarray, rng: np.random.Generator, amplitude: float) -> Samples:
     """Sines of each driven joint within a window that begins and ends at rest."""
     home = np.array([mechanism.home[mechanism.coordinate_index(joint)] for joint in mechanism.driven])
     omega = 2 * np.pi * rng.uniform(0.8, 4.0, (3, len(home)))

@@ -44,7 +44,7 @@ position = ["{x} m", "{y} m", "0 m"]
 def turning_run(mechanism, places):
     """Encoders, forces, accelerometers of one logger: the mechanism on a base that leans as its first moment moves."""
     rng, time = np.random.default_rng(3), np.arange(0.0, 9.0, STEP)
-    path = Closure(mechanism).follow(linkages._motion(mechanism, time, np.random.default_rng(5), 0.25))
+    path = Closure(mechanism).follow(linkages.motion(mechanism, time, np.random.default_rng(5), 0.25))
     first, mass = first_moment(mechanism, path.q)[:, :2] @ [1.0, 1j], mechanism.total_mass
     leans = (first - first[0]) / np.abs(first - first[0]).max()
     turn, moved = np.exp(1j * TURN * leans.real), PUSH * leans.imag * (1.0 + 0.5j)
@@ -68,7 +68,7 @@ def turning_run(mechanism, places):
     text += 'position = ["0 m", "0 m", "0 m"]\n'
     text += "".join(ACCELEROMETER.format(name=n, x=PLACES[n][0], y=PLACES[n][1]) for n in places)
     data: dict[str, np.ndarray] = {}
-    group = linkages._group("drive", values, data, linkages.RATE)
+    group = linkages.group("drive", values, data, linkages.RATE)
     return MemoryRun(Path("turning.h5"), (group,), "simulated", {"counter_masses": {}}, text, (), {"data": data})
 
 
