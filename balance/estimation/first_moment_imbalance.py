@@ -56,6 +56,11 @@ class Subspace:
         basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         return cls(basis[:, sizes > 1e-12 * sizes[0]].T, conditions.values(mechanism))
 
+    def joined(self, rows: Sequence[Floats]) -> "Subspace":
+        """The same with further directions, ``rows`` (rank,) [-] each."""
+        basis, sizes, _ = np.linalg.svd(np.array([*self.directions, *rows]).T, full_matrices=False)
+        return replace(self, directions=basis[:, sizes > 1e-9 * sizes[0]].T)
+
     @property
     def is_whole(self) -> bool:
         """Whether conditions can have any values."""

@@ -19,7 +19,7 @@ from balance.results import instant_text
 from ..errors import AnalysisError
 from ..kinematics.gaps import Gaps
 from ..kinematics.smoothing_and_derivatives import Grid, Rates, bridge_gaps, grid_of, on_grid
-from ..loads.drive_torque import moves_on_base, root_motion, share_of_unseen_base
+from ..loads.base_motion_in_torque import moves_on_base, root_motion, share_of_unseen_base
 from ..loads.shaking_wrench import MeasuredLoads, measured_loads
 from ..recording import Finding, Origin
 from ..rig import Column

@@ -54,7 +54,7 @@ def parameters_in_file(mechanism: Mechanism, joints: Sequence[str]) -> Floats:
 
 
 def acted_on_by_root(identifiable: Identifiability, mechanism: Mechanism) -> Floats:
-    """Inertial parameters that a base's motion acts on, per parameters of bodies and joints, (10 nb, p) [-].
+    """Inertial parameters that a base's motion acts on, per parameters of bodies and joints, (10 nb, p) [SI].
 
     Each base parameter is shared out over the parameters that make it up, in proportion to the file's: what a base at
     rest does not tell apart, such as a body's inertia and its drive's, which does not move with the base, its small
@@ -109,7 +109,7 @@ class RecordEquations:
         return self.regressor(self.motion, self.path)
 
     def regressor(self, motion: Rates, path: Trajectory) -> Floats:
-        """W of the record's rows for any motion of its driven joints, (samples, rows, p).
+        """W of the record's rows for any motion of its driven joints, (samples, rows, p) [SI].
 
         The motion of the base acts on the parameters ``of_root``, so that it tells no more of them apart.
         """

@@ -151,6 +151,11 @@ class CounterMassValue:
         return self.first_moment.interval
 
 
+def _inseparable(text: str, beside: Sequence[str]) -> str:
+    told = f"separates {text} from {first_of(dict.fromkeys(beside), 4)}" if beside else f"shows {text}"
+    return f"No motion with these drives and sensors {told}: use the combinations that are listed."
+
+
 def unit_of(mechanism: Mechanism, parameter: str) -> str:
     """Unit of a parameter by name."""
     kind, _, of = parameter.rstrip("]").partition(",")[0].partition("[")
@@ -343,15 +348,23 @@ class Identification(Shown, rows="values", figure="testbench.figures.estimates:d
 
     @cached_property
     def inseparable(self) -> dict[str, str]:
-        """Those of them that no motion with these drives and sensors determines, and what is to say of each."""
-        found, seen = {}, self.choice.equations.parts[0].by_any_motion
+        """Those of them that no motion with these drives and sensors determines, and what is to say of each.
+
+        And of bodies' parameters that none separates from a term of a joint, such as an inertia from ``armature``.
+        """
+        found: dict[str, list[str]] = {}
+        seen = self.choice.equations.parts[0].by_any_motion
         for text, row in self._conditions:
             if not self._observable(row) and not seen.is_identifiable(row):
                 with_it = [k for k in range(seen.rank) if np.any(seen.combinations[k] * row)]
-                beside = [name for k in with_it for name in seen.coefficients(k) if not row[seen.names.index(name)]]
-                told = f"separates {text} from {first_of(dict.fromkeys(beside), 4)}" if beside else f"shows {text}"
-                found[text] = f"No motion with these drives and sensors {told}: use the combinations that are listed."
-        return found
+                found[text] = [n for k in with_it for n in seen.coefficients(k) if not row[seen.names.index(n)]]
+        for k in range(seen.rank):
+            parts = seen.coefficients(k)
+            terms = [name for name in parts if name.partition("[")[0] in JOINT_TERMS]
+            bodies = {name: value for name, value in parts.items() if name not in terms}
+            if bodies and terms:
+                found.setdefault(text_of(bodies), terms)
+        return {text: _inseparable(text, beside) for text, beside in found.items()}
 
     def counter_masses(self) -> list[CounterMassValue]:
         """Counter-masses at the sites named counter... that would balance the mechanism.

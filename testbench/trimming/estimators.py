@@ -1,7 +1,7 @@
 """The estimator of each source: its equations, its least squares, and what its interval contains besides noise."""
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
@@ -21,7 +21,7 @@ from balance.estimation.identifiability import NotIdentifiable
 from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseAcceleration
 from ..kinematics.gaps import GAP_FINDING
-from ..loads.drive_torque import known_base, moves_on_base
+from ..loads.base_motion_in_torque import known_base, moves_on_base
 from ..recording import Finding
 from ..rig import Column
 from ..rig.sensors import Torque
@@ -37,6 +37,7 @@ from .load_regression import (
 )
 from .problem import (
     MASS,
+    NOTHING,
     SOURCES,
     NoValidMotion,
     RunEquations,
@@ -143,15 +144,47 @@ class _Equations:
         return imbalance_fit(self.records, self.problem.conditions, free, self.prior)
 
     def fit_all_or_at_sites(self) -> tuple[ImbalanceFit, tuple[str, ...]]:
-        """All conditions where the records determine them, else those that masses at the sites can change."""
+        """All conditions where the records determine them; else those that they tell better than the file, and what
+        masses at the sites can change.
+        """
         problem, whole = self.problem, self.fit()
         subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
         if problem.at_sites is False or subspace.is_whole:
             return whole, ()
+        determined = list[Floats]()
         with suppress(NotIdentifiable):
             if not problem.at_sites and problem.determined(whole.imbalance, whole.imbalance.estimate):
                 return whole, ()
-        return self.fit(subspace), (FIXED_WITHIN,)
+        for row, direction, most in () if problem.at_sites else self._beyond_sites(whole.imbalance, subspace):
+            with suppress(NotIdentifiable):
+                if whole.imbalance.estimate(row).half_width() <= FILE_KNOWN * most:
+                    determined.append(direction)
+        wider = subspace.joined(determined)
+        found = whole if wider.is_whole else self.fit(wider)
+        of_moments = subspace.directions * [unit != "kg" for unit in problem.conditions.units]
+        own = [found.imbalance.coordinates(row, len(found.regression.values)) for row in of_moments]
+        if not all(map(found.regression.determines, own)):
+            wider, found = subspace, self.fit(subspace)
+        return found, () if wider.is_whole else (FIXED_WITHIN,)
+
+    def _beyond_sites(self, found: Imbalance, subspace: Subspace) -> Iterator[tuple[Floats, Floats, float]]:
+        """Combinations (rank,) [-] of the conditions that no mass at the sites changes: of what a body lacks, along the
+        axes in which it is known apart, and of masses alone; the direction (rank,) in which each is free; and the most
+        that the mechanism lacks of such [kg m, kg]. All the same in any order of bodies.
+        """
+        problem, free = self.problem, subspace.directions
+        lacking, units = np.asarray(problem.conditions.lacking), problem.conditions.units
+        alone = np.eye(len(units))[[unit != "kg m" for unit in units]]
+        metric = np.linalg.pinv(np.einsum("bik,bij->kj", lacking, lacking) + alone.T @ alone, hermitian=True)
+        for row in alone:
+            yield row, metric @ row, float(problem.largest @ row)
+        most = problem.conditions.residual("kg m", problem.mechanism)
+        for rows in lacking:
+            axes, sizes, _ = np.linalg.svd(rows @ free.T)
+            own = axes[:, np.count_nonzero(sizes > NOTHING * max(sizes[0], 1e-300)) :].T @ rows
+            for row in np.linalg.svd(own @ found.covariance @ own.T)[0].T @ own:
+                if np.linalg.norm(row) > NOTHING * np.linalg.norm(rows):
+                    yield row, metric @ row, most
 
     def _by_file(self, found: ImbalanceFit) -> Floats:
         """Of the conditions' values, (rank, rank) [kg m], by what the file may be wrong by in what is fixed: in first

@@ -10,9 +10,9 @@ the shaking wrench by the file and a itself, at instants before and after, expla
 
 Torques, in which gravity turns the first moments and inertia shakes them: of W pi of the driven joints, loops closed,
 pi = C^+ c + N z with the conditions C pi = c and N what they leave free. A base that accelerometers show to move is the
-root that moves (``loads.drive_torque``). The columns of c are W C^+; z (inertias, and what of the first moments
-balances), friction and the drives' own inertia are nuisances, the same in all runs, offsets,
-drifts and delays of the torques run by run.
+root that moves (``loads.base_motion_in_torque``). The columns of c are W C^+; z (inertias, and what of the first
+moments balances), friction and the drives' own inertia are nuisances, the same in all runs, offsets, drifts and delays
+of the torques run by run.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseRates, coriolis_force
 from ..kinematics.gaps import ValidSamples, true_segments
 from ..kinematics.smoothing_and_derivatives import DRY_PART, rest_speeds
-from ..loads.drive_torque import known_base, root_motion
+from ..loads.base_motion_in_torque import known_base, root_motion
 from ..loads.shaking_wrench import COMPONENTS, NOTHING, MeasuredLoads, measured_loads
 from ..rig import Column
 from ..rig.sensors import Torque

@@ -75,3 +75,11 @@ def test_a_base_that_moves_unseen_is_a_doubt():
     (finding,) = assemble(sprung_run(), "torque").findings
     assert finding.code == UNSEEN_CODE
     assert "attached_to" in finding.message
+
+
+def test_an_inertia_is_not_told_from_the_drives():
+    """Of an arm whose file states no armature, as the row of both is listed."""
+    run = memory.aligned([linkages.exact_run(load_mechanism("serial-2r"))], load_mechanism("serial-2r"))
+    taken = assemble(run, "torque")
+    (text,) = identify(taken.records, taken.mechanism, "ls", others=False).inseparable.values()
+    assert "separates Izz[link_1] + 0.09 m[link_2] from armature[J1]" in text
