@@ -353,8 +353,8 @@ def by_vibration(problem: TrimProblem) -> SourceEstimate:
     if any(run.run.origin != "simulated" and not run.rig.bench.weight for run in problem.runs):
         doubts.append(WEIGHTLESS)
     text = (*how, *fixed, _jackknife(measured, [*within, STEPS]))
-    runs = problem.runs
-    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, of_steps=steps)
+    runs, rest = problem.runs, _over_rest(measured, parts)
+    return SourceEstimate("vibration", measured, text, tuple(doubts), tuple(findings), runs, by_steps, rest, steps)
 
 
 def _share_of_steps(bases: Sequence[ShakenBase], problem: TrimProblem, found: ImbalanceFit, pi: Floats) -> float:

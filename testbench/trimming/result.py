@@ -34,6 +34,8 @@ _STEPS_MATTER = 0.5
 _LITTLE, _LIKE_REST, _AS_REST = 0.02, 1.5, 1.1
 """Part of what the mechanism without counter-masses would show, and multiple of what is read at rest, up to which what
 stays unexplained is noise; multiple up to which it is noise, whatever part it is."""
+_NOISE_MATTERS = 0.3
+"""Part of the square of what stays unexplained that is read at rest, too, from which it is named."""
 _BALANCED = 0.01
 """First-moment residual at most, as a part of that without counter-masses, of a mechanism that counts as balanced."""
 
@@ -67,10 +69,15 @@ class Share:
                 f"the encoders' steps may leave {self.by_steps:.0%}, which the intervals contain, and hide what is "
                 "systematic beside them; finer encoders, or a lower --cutoff, tell"
             )
-        return (
-            "more than noise leaves; what is systematic (sensors, levers, the model"
-            f"{SOURCES[self.source].lacks}) may exceed the intervals"
+        systematic = (
+            f"what is systematic (sensors, levers, the model{SOURCES[self.source].lacks}) may exceed the intervals"
         )
+        if (noise := self.over_rest**-2.0) > _NOISE_MATTERS:
+            return (
+                f"{noise:.0%} of its square is what the sensors read at rest, the rest more than noise; {systematic}: "
+                "a larger motion or quieter sensors tell"
+            )
+        return f"more than noise leaves; {systematic}"
 
 
 @dataclass(frozen=True)

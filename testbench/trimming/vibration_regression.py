@@ -146,6 +146,8 @@ def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquation
     smooth = run.smooth(np.concatenate([made, run.readings[:, :, None], rate[:, :, None]], axis=2))
     kept = run.valid.kept[run.used]
     count = run.readings.shape[1]
+    before = slice(round(1.0 / (run.cutoff * run.grid.step)), run.used.start)
+    rest = None if run.valid.gaps else run.valid.low_pass(run.readings, run.cutoff)[before]
     nuisance = [offset_and_drift(kept, count), np.eye(count)[None] * smooth[:, :, -1:], run.ringing()]
     return RunEquations.of(
         run.valid,
@@ -157,6 +159,7 @@ def vibration_regression(run: ShakenBase, conditions: Conditions) -> RunEquation
         run.motion,
         [column.channel for column in run.sensors.columns],
         conditions.rank,
+        rest=rest,
     )
 
 

@@ -13,6 +13,7 @@ from studies.trim import BENCHES
 from testbench import rig as rigs
 from testbench.errors import AnalysisError
 from testbench.figures.estimates import draw_trim
+from testbench.rig.sensors import Accelerometer
 from testbench.runs.aligned_run import AlignedRun
 from testbench.runs.si_run import SIRun
 from testbench.trimming import trim_runs
@@ -89,6 +90,26 @@ def test_vibration_through_the_stated_base(manipulator, runs):
     assert holds(found, 0.01)
     assert any("assumed" in line for line in found.about)
     assert found.verdict == "add"
+
+
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_noise_that_the_rest_shows_is_no_doubt(manipulator, runs, aligned, at_rest):
+    """Loud accelerometers, by clocks that are known: what they read at rest is in the intervals. As much in the motion
+    alone is a doubt.
+    """
+    rng, rig, shaken = np.random.default_rng(1), rigs.load_rig(memory.MANIPULATOR), []
+    for run, clocks in zip(runs, ({g: one.clock(g) for g in ("daq", "forces")} for one in aligned), strict=True):
+        for column in rig.columns_of(Accelerometer):
+            values = run.channel(column.channel)
+            noise = 4.0 * np.std(values) * rng.normal(size=len(values))
+            moving = np.flatnonzero(np.abs(values) > 0.2 * np.abs(values).max())
+            noise[: 0 if at_rest else moving[0]] = 0.0
+            run = memory.with_values(run, column.channel, values + noise)
+        shaken.append(AlignedRun(SIRun.of(run), manipulator, clocks))
+    found = trim_runs(shaken, source="vibration")
+    assert found.unexplained > 0.3
+    assert (found.verdict == "doubtful") is not at_rest
+    assert holds(found, 0.1)
 
 
 def test_what_was_measured_was_measured_in_gravity(manipulator, runs):
