@@ -11,11 +11,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..closure import Trajectory
 from ..datasets import FileDigest
 from ..errors import SizingError
 from ..mechanism.mechanism import Mechanism
-from ..results import Key, Shown, per_cent_text
+from ..results import IN_BODY, Key, Shown, per_cent_text
 from .conditions import balance_conditions
 from .objective import MADE_SMALL, made_small, motion_objective, workspace_objective
 from .sizing import (
@@ -53,6 +54,8 @@ class PayloadMass:
     """[kg]"""
     added: Annotated[float, Key("added_kg", "added [kg]", ".4f")]
     """To what is mounted for the payload before [kg]."""
+    position: Annotated[Floats, IN_BODY]
+    """Of the site in the frame of its body as in the mechanism's file, (3,) [m]."""
     plates: Annotated[tuple[str, ...], Key("plates_added", "plates added", lambda names: " + ".join(names) or "-")] = ()
     """Stock plates that are added."""
 
@@ -113,6 +116,8 @@ class NestedSizing(Shown, rows="counter_masses"):
     """What the masses of each set together may weigh [kg]; None without such a limit."""
     given: bool = False
     """Whether the one set was given, not sized."""
+    any_percent: float | None = None
+    """What such sets of any mass, without limits, leave over all payloads [%]; None where these are so sized."""
     files: tuple[FileDigest, ...] = ()
     """What was read: mechanism, motion, stock."""
 
@@ -124,7 +129,7 @@ class NestedSizing(Shown, rows="counter_masses"):
             for at in one.counter_masses:
                 new = Counter(at.plates) - plates.get(at.site, Counter())
                 added = at.mass - masses.get(at.site, 0.0)
-                found.append(PayloadMass(payload, at.site, at.mass, added, tuple(new.elements())))
+                found.append(PayloadMass(payload, at.site, at.mass, added, at.position, tuple(new.elements())))
                 masses[at.site], plates[at.site] = at.mass, Counter(at.plates)
         return tuple(found)
 
@@ -182,7 +187,8 @@ class NestedSizing(Shown, rows="counter_masses"):
                 | {"attainable_with_any_mass": alone.is_complete(), "proven": one.bound is not None}
             )
         use = self.stock_use.document() if self.stock_use else {}
-        told = {"stock": self.stock, "fixed": self.fixed, "given": self.given}
+        told: dict[str, Any] = {"stock": self.stock, "fixed": self.fixed, "given": self.given}
+        told |= {} if self.any_percent is None else {"without_limits_percent": self.any_percent}
         return {"mechanism": self.sets[0].before.name, **told, "sets": sets} | use
 
     def __str__(self) -> str:
@@ -198,6 +204,14 @@ class NestedSizing(Shown, rows="counter_masses"):
         whole = 100.0 * (sum(one.after**2 for one in each) / sum(one.before**2 for one in each)) ** 0.5
         over = f"{per_cent_text(whole)} of the RMS {self.made_small} remains over all payloads"
         yield f"Not balanced completely: {over} ({left})."
+        if self.any_percent is not None and self.any_percent < whole * (1.0 - COMPLETE):
+            limits = ", without limits," if self.limits or self.added is not None else ""
+            left = (
+                "balance it completely"
+                if self.any_percent < 100.0 * COMPLETE
+                else f"leave {per_cent_text(self.any_percent)}"
+            )
+            yield f"Masses of any size at these sites{limits} would {left}."
         if self.stock_use:
             yield from self.stock_use.sentences(lambda part: f"{per_cent_text(100.0 * part)} over all payloads")
 
@@ -220,7 +234,8 @@ class NestedSizing(Shown, rows="counter_masses"):
             return "These masses were given, not sized."
         sets = "fixed sets" if self.fixed else "sets that only grow"
         proof = "proven" if self.proven else "the best found in the time, not proven"
-        return f"Least in the sum over the payloads of all {sets}: {proof}."
+        within = " within the limits" if self.limits or self.added is not None else ""
+        return f"Least in the sum over the payloads of all {sets}{within}: {proof}."
 
 
 def study_nested(
@@ -280,7 +295,12 @@ def study_nested(
         sets.append(replace(one, payload_bodies=bodies, bound=objective.value(one.after) if proven else None))
         alone.append(exact_sizing(conditions, model, names, limits, objective, equal, added))
     use = stock_use(sets, plates, limits, equal, added=added, fixed=fixed) if plates else None
+    any_percent = None
+    if (whole := float(np.sum(system["target"] ** 2))) > 0.0 and (limits or plates or given or added is not None):
+        free = sizing_system(each, names, None, equal, None, fixed)
+        left = float(np.sum((free["columns"] @ of_any_mass(free)[0] - free["target"]) ** 2))
+        any_percent = 100.0 * (left / whole) ** 0.5
     return NestedSizing(
         tuple(payloads), tuple(sets), tuple(alone), weights, motion, stock, fixed, use, trajectory, dict(limits or {}),
-        tuple(map(tuple, equal)), added, bool(given),
+        tuple(map(tuple, equal)), added, bool(given), any_percent,
     )  # fmt: skip

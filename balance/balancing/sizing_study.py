@@ -272,8 +272,8 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
     """Keys of the rig that the base's vibration is computed without."""
     added: float | None = None
     """What all counter-masses together may weigh [kg]; None without such a limit."""
-    any_total: Sizing | None = None
-    """The best ones of any mass without that limit."""
+    unlimited: Sizing | None = None
+    """The best ones of any mass without that limit and those of the sites; None where there is none."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """Largest mass by site [kg], of sites that have one."""
     equal: tuple[tuple[str, ...], ...] = ()
@@ -388,12 +388,12 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
                 {"counter_masses": plain(one.counter_masses), "remaining_percent": one.remaining_percent()}
                 for one in self.sets
             ]
-        if self.any_total:
+        if self.unlimited:
             found |= {
                 "added_limit_kg": self.added,
-                "without_added_limit": {
-                    "added_mass_kg": self.any_total.added_mass,
-                    "remaining_percent": self.any_total.remaining_percent(),
+                "without_limits": {
+                    "added_mass_kg": self.unlimited.added_mass,
+                    "remaining_percent": self.unlimited.remaining_percent(),
                 },
             }
         if self.without_slides:
@@ -426,13 +426,15 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         if self.stock or self.given:
             remain = per_cent_text(self.any_mass.remaining_percent())
             yield "Masses of other sizes at these sites would " + (
-                "balance it completely." if verdict.attainable else f"leave {remain}{self._in_all()}."
+                "balance it completely." if verdict.attainable else f"leave {remain}{self._within()}."
             )
-        if self.any_total and self.any_total.added_mass > self.any_mass.added_mass * (1.0 + COMPLETE):
-            free = self.any_total
+        bound = self.any_mass.root_mean_squares()[1] - COMPLETE * verdict.before
+        if self.unlimited and self.unlimited.root_mean_squares()[1] < bound:
+            free, what = self.unlimited, ["the limits of the sites"] * bool(self.limits)
+            what += [] if self.added is None else [f"the limit of {self.added:.4g} kg in all"]
             left = f"leave {per_cent_text(free.remaining_percent())}"
             yield (
-                f"Without the limit of {self.added:.4g} kg in all, masses of any size at these sites would "
+                f"Without {' and '.join(what)}, masses of any size at these sites would "
                 f"{'balance it completely' if free.is_complete() else left}, with {free.added_mass:.4f} kg added."
             )
         if self.stock_use:
@@ -474,15 +476,16 @@ class SizingStudy(Shown, rows="counter_masses", figure="balance.figures.mechanis
         """Part of what is made small without counter-masses."""
         return per_cent_text(100.0 * value / self.verdict.before)
 
-    def _in_all(self) -> str:
-        """The limit of the total, where there is one."""
-        return "" if self.added is None else f" within {self.added:.4g} kg in all"
+    def _within(self) -> str:
+        """The limits, where there are any."""
+        limits = ["their limits"] * bool(self.limits) + ([] if self.added is None else [f"{self.added:.4g} kg in all"])
+        return f" within {' and '.join(limits)}" if limits else ""
 
     def _proof(self) -> str:
         """How near the masses are to the best."""
         if self.given:
             return "These masses were given, not sized."
-        within = self._in_all()
+        within = self._within()
         what = f"choice of these plates{within} leaves" if self.stock else f"masses at these sites{within} leave"
         if self.verdict.least is None:
             return f"No other {what} less nearby, where it is linear in the masses; a bound is not known."
@@ -531,11 +534,12 @@ def study_sizing(
             )
         left_out = tuple(f"bench.{key}" for key in measured.left_out)
         vibration = base_vibration.vibration_objective(model, trajectory, measured, weights)
-        of_any_mass = partial(base_vibration.least_vibration, conditions, model, sites, vibration, limits, equal)
+        of_any_mass = partial(base_vibration.least_vibration, conditions, model, sites, vibration)
     else:
         target = objective.motion_objective(model, trajectory, weights) if trajectory else conditions.objective
-        of_any_mass = partial(exact_sizing, conditions, model, sites, limits, target, equal)
-    any_mass, any_total = of_any_mass(added), None if added is None else of_any_mass(None)
+        of_any_mass = partial(exact_sizing, conditions, model, sites, objective=target)
+    any_mass = of_any_mass(limits=limits, equal=equal, added=added)
+    unlimited = of_any_mass(equal=equal) if limits or added is not None else None
     sets: Sequence[Sizing] = [any_mass]
     if given:
         sets = [sizing_of_given(conditions, model, given, objective=any_mass.objective)]
@@ -560,7 +564,7 @@ def study_sizing(
     samples = _samples(trajectory, model) if set(weights) == {"force"} else None
     verdict = verdict_of(first, any_mass, samples, limits, equal, added)
     return SizingStudy(
-        (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, any_total,
+        (first, *sets[1:]), any_mass, verdict, weights, motion, stock, use, trajectory, rig, left_out, added, unlimited,
         dict(limits or {}), tuple(map(tuple, equal)), bool(given),
     )  # fmt: skip
 

@@ -97,7 +97,7 @@ class Problem:
                     f"{self.mechanism.name} has no {what} {variable.name!r}{self._meant(variable)}: there are "
                     f"{', '.join(sorted(known))}"
                 )
-            if variable.name in sites.intersection(self.mechanism.own_mass):
+            if variable.name in sites.intersection(b for b in self.mechanism.own_mass if self.mechanism.mass(b) > 0.0):
                 raise ModelError(
                     f"{variable.name}.{variable.part}: {self.mechanism.name} has a site and a body of that name: give "
                     "one of them another name"

@@ -77,7 +77,9 @@ def report(
         "--fixed": fixed, "--added": added is not None,
     }  # fmt: skip
     if counter and (named := [name for name, value in others.items() if value]):
-        raise click.UsageError(f"--counter gives the masses, {' and '.join(named)} have them sized: leave out one")
+        raise click.UsageError(
+            f"--counter gives the masses, and {' and '.join(named)} is for sizing them: leave one out"
+        )
     found = size.sized(
         mechanism, size.growing(payload), motion, stock, site, without, limit, added, equal, objective, rig, fixed,
         given=counter,

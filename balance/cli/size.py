@@ -294,7 +294,8 @@ def _print_nested(nested: "NestedSizing", published: dict[str, Any]) -> None:
     say(str(nested))
     kind = "one set for all payloads" if nested.fixed else "sets that only grow"
     of = f" from {nested.stock}" if nested.stock else ""
-    columns = ("site", "mass", "plates") if nested.fixed else ("payload", "site", "mass", "added", "plates")
+    columns = ["site", "mass", "position", "plates"]
+    columns = columns if nested.fixed else ["payload", "site", "mass", "added", *columns[2:]]
     rows = nested.counter_masses[: len(nested.sets[0].counter_masses) if nested.fixed else None]
     shown = table(PayloadMass, rows, *columns[: None if nested.stock else -1])
     emit_table(f"Counter-masses for {nested.sets[0].before.name}{of}, {kind}", *shown)

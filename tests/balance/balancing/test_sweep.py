@@ -177,6 +177,9 @@ def test_places_in_a_urdf_are_refused():
     arm = mechanism_from_text(f'<robot name="r">{link.format("a")}{link.format("b")}{joint}</robot>', "arm")
     given = Problem(arm, problem().samples)
     given.check((Variable("b", "mass", np.ones(1)),))
+    site = '<link name="counter"/><joint name="k" type="fixed"><parent link="b"/><child link="counter"/></joint>'
+    with_site = mechanism_from_text(f'<robot name="r">{link.format("a")}{link.format("b")}{joint}{site}</robot>', "arm")
+    Problem(with_site, problem().samples).check((Variable("counter", "mass", np.ones(1)),))  # a link that is a site
     with pytest.raises(ModelError, match=r"b\.x: arm is a URDF or SDF file; places are varied in MJCF files only"):
         given.check((Variable("b", "x", np.ones(1)),))
 

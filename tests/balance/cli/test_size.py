@@ -127,7 +127,7 @@ def test_a_total_holds_and_its_price_is_said(balance, tmp_path, monkeypatch, sto
         assert "No other masses at these sites within 1.2 kg in all leave less." in text
     assert (code, document["added_limit_kg"], document["sites_needed"]) == (3, 1.2, [])
     assert document["added_mass_kg"] <= 1.2 + 1e-12
-    assert document["without_added_limit"]["added_mass_kg"] == pytest.approx(2.444, abs=1e-3)
+    assert document["without_limits"]["added_mass_kg"] == pytest.approx(2.444, abs=1e-3)
     assert "Without the limit of 1.2 kg in all, masses of any size at these sites would balance it completely" in text
 
 

@@ -168,7 +168,7 @@ def test_masses_that_are_given_have_a_page(folder):
         main, "balance", "report", "four-bar", "--motion", "four-bar", *MOUNTED, "--stock", "kiper2019", "-o", "x.html"
     )
     assert done.code == 2
-    assert "--counter gives the masses, --stock have them sized: leave out one" in done.err
+    assert "--counter gives the masses, and --stock is for sizing them: leave one out" in done.err
 
 
 @pytest.mark.parametrize(
