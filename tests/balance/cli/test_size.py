@@ -286,7 +286,7 @@ def test_limits_hold_for_plates_too_and_the_best_few_are_listed(balance, tmp_pat
     out = balance(*arguments, "--motion", "four-bar", "--best", "9").out
     limited = balance("size", "four-bar", "--site", "counter_A0A", *arguments[-2:], "--motion", "four-bar", "--json")
     least = json.loads(limited.out)["remaining_percent"]
-    assert f"Masses of other sizes at these sites would leave {least:.3g} %." in out
+    assert f"Masses of other sizes at these sites would leave {least:.3g} % within their limits." in out
     assert "6 of 9 sets: there are no others" in out
 
 
