@@ -22,7 +22,7 @@ from balance import datasets
 from balance.arrays import Floats
 from balance.errors import CounterpoiseError
 from balance.estimation.estimate import Estimate, coverage_factor, effective_degrees_of_freedom
-from balance.estimation.first_moment_imbalance import Imbalance, masses_per_value
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace, masses_per_value
 from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionFit
 from balance.input_files import Measured
@@ -436,11 +436,11 @@ class _Source:
     @classmethod
     def predicted(cls, source: Source, problem: TrimProblem, made: "_Source | None") -> "_Source":
         """The same of runs of which one is simulated: what they determine is told by their design, not by readings."""
-        found = cls.of(source, replace(problem, at_sites=False), made)
-        whole = made is not None and made.imbalance.subspace.is_whole
-        if whole or problem.determined(found.imbalance, found.estimate):
-            return found
-        return cls.of(source, replace(problem, at_sites=True), made)
+        everything = Subspace.all_values(problem.conditions)
+        found = cls.of(source, replace(problem, free=everything), made)
+        told = problem.told(found.imbalance, found.estimate)
+        told = told if made is None else told.joined([*made.imbalance.subspace.directions])
+        return found if told.is_whole else cls.of(source, replace(problem, free=told), made)
 
     def estimate(self, combination: Floats) -> Estimate | None:
         """How surely the runs give a combination (rank,) of the conditions' values; None: not at all."""

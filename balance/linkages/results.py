@@ -303,18 +303,6 @@ def linkage_findings(result: LinkageBalance) -> list[str]:
                 f"counter-mass {counter.symbol} is {counter.mass / carried:.4g} times what it balances, "
                 f"{carried:.4g} kg: its place is {far:.4g} mm from joint {balance.joint}; give one further out"
             )
-    for gear in result.gears.values():
-        apart = float(np.linalg.norm(np.subtract(*gear.centres(result))))
-        if gear.counter_mass is None or not apart or (gear.carrier == GROUND and gear.gear.pivot is None):
-            continue  # any mass, or its place is free
-        gyration = (gear.inertia / gear.counter_mass) ** 0.5
-        if gyration > apart:
-            found.append(
-                f"counter-gear {gear.gear.name}*: {gear.counter_mass:.4g} kg with {gear.inertia:.4g} kg m2 has a "
-                f"radius of gyration of {1e3 * gyration:.4g} mm, and the axes of the pair are {1e3 * apart:.4g} mm "
-                f"apart: its mass would lie beyond the other axis; give it {gear.inertia / apart**2:.4g} kg or more, "
-                "axes further apart, or teeth that make it faster"
-            )
     for body in linkage.bodies.values():
         joints = [j for j in linkage.joints.values() if j.joins(body.name)]
         points = [p.at(values) for j in joints if (p := j.end(body.name).point) is not None]

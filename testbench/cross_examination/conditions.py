@@ -265,7 +265,10 @@ def _peak_statement(
     seen: Observation, wanted: float, peak: Peak, unit: str, source: str, witness: str, code: str | None, column: str
 ) -> Statement:
     table, text = (f"{v:.4g} {unit}" + (f" = {v / G0:.3g} g0" if unit == "m/s2" else "") for v in (wanted, peak.value))
-    text += f" [{peak.least:.4g}, {peak.most:.4g}]" if peak.less < peak.more else ""
+    if np.isinf(peak.more):
+        text = f"at least {peak.least:.4g} {unit} in a record that begins or ends in motion"
+    elif peak.less < peak.more:
+        text += f" [{peak.least:.4g}, {peak.most:.4g}]"
     return Statement(seen.name, "acceleration", None, f"peak {table} by the {source}", text, f"the {witness}", code,
                      column=column)  # fmt: skip
 

@@ -19,6 +19,10 @@ BANDS_HZ = (POSITION_HZ, 40.0, 20.0, 10.0, 5.0)
 """Low passes of which that one counts that leaves least open [Hz]."""
 DEVIATIONS = 4.0
 """Standard deviations of an acceleration's noise within which the largest of a run lies."""
+_ENDS_S, _REST = 0.02, 0.1
+"""Beginning and end of a record [s], in which a run that is recorded whole rests, and its largest speed there [-]."""
+_OVERSHOOT = 0.25
+"""Of a peak, by which a wide band may show more than there is where accelerations change at once."""
 _RESPONSE_S = 3.0
 """Length of the computed response to one reading [s]."""
 
@@ -53,6 +57,10 @@ class EncoderErrors:
 
     def __init__(self, run: ModelledRun, columns: list[Column]) -> None:
         readings = run.run.stacked(columns)
+        speeds = np.linalg.norm(run.path.v[run.valid], axis=1)
+        ends = round(_ENDS_S * run.grid.rate) + 1
+        self.cut = max(*speeds[:ends], *speeds[-ends:], 0.0) > _REST * speeds.max(initial=0.0)
+        """Whether the record begins or ends in motion: the largest acceleration may be outside of it."""
         rough = np.array([np.diff(part, 3, axis=0).std(axis=0) for part in np.array_split(readings, 40)])
         self.run, self.steps = run, reading_steps(readings)
         self.noise = np.quantile(rough, 0.1, axis=0) / 20.0**0.5
@@ -86,4 +94,9 @@ class EncoderErrors:
             if value > 0.0:
                 error = self.of(factors, cutoff) / value
                 found.append(Peak(value, max(1.0 - error, 0.0), (1.0 + error) * max(value / max(left, 1e-300), 1.0)))
-        return min(found, key=lambda one: one.more - one.less, default=Peak(0.0))
+        least = max(
+            (one.least for one in found), default=0.0
+        )  # a low pass may take more of a peak than half of it does
+        found = [one for one in found if one.most >= (1.0 - _OVERSHOOT) * least]
+        best = min(found, key=lambda one: one.more - one.less, default=Peak(0.0))
+        return best._replace(more=np.inf) if self.cut else best

@@ -72,8 +72,8 @@ def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
     """
     steps = np.diff(time)
     least, most = float(steps.min(initial=np.inf)), float(steps.max(initial=-np.inf))
-    if len(time) < FEWEST_INSTANTS or not np.isfinite(most - least):
-        expected = f"expected a clock of {FEWEST_INSTANTS} or more; export the log again, or repeat the run"
+    expected = f"expected a clock of {FEWEST_INSTANTS} or more; export the log again, or repeat the run"
+    if not np.isfinite(most - least):
         raise AnalysisError(f"{what}: {len(time)} instants, or some that are not numbers: {expected}")
     if not least > 0.0:
         worst = int(np.argmin(steps)) + 1
@@ -85,6 +85,8 @@ def grid_of(time: Floats, what: str, bridged: bool = False) -> Grid:
             f"{what}: a gap of {most:.6g} s after {time[np.argmax(steps)]:.9g} s, where steps are {median:.6g} s: "
             "nothing is interpolated there; cut the log into two runs"
         )
+    if len(time) < FEWEST_INSTANTS:
+        raise AnalysisError(f"{what}: {len(time)} instants: {expected}")
     return Grid(float(time[0]), median, int((time[-1] - time[0]) / median + 1e-6) + 1)
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from balance.errors import suggestion
 from balance.results import first_of
-from balance.units import SI_UNITS
 
 from ..recording import Channel, Finding, Group, Recording, SensorRange, TimeColumn, by_name, of_one_name
 from ..units import same_unit
@@ -282,6 +281,8 @@ def _unit(column: "Column", channel: Channel) -> list[Finding]:
     if is_electrical(unit):
         message = f"is in {unit!r}, and sensors.{column.sensor} has no calibration: testbench calibrate adds one"
         return [Finding("uncalibrated", channel.name, None, message)]
+    from balance.units import SI_UNITS  # late: most logs are read without it
+
     message = (
         f"sensors.{column.sensor}: {unit!r} in the log is no {' or '.join(column.dimensions)}: expected a unit such "
     )

@@ -1,8 +1,7 @@
 """The estimator of each source: its equations, its least squares, and what its interval contains besides noise."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -16,7 +15,6 @@ from balance.estimation.first_moment_imbalance import (
     imbalance_fit,
     with_condition_values,
 )
-from balance.estimation.identifiability import NotIdentifiable
 
 from ..errors import AnalysisError
 from ..kinematics.base_motion import BaseAcceleration
@@ -36,8 +34,8 @@ from .load_regression import (
     torque_regression,
 )
 from .problem import (
+    FILE_KNOWN,
     MASS,
-    NOTHING,
     SOURCES,
     NoValidMotion,
     RunEquations,
@@ -74,9 +72,6 @@ WEIGHTLESS = (
     "the rig's [bench] does not state weight = true: the weight's moment as the bodies move, which tilts the base, is "
     "left out"
 )
-FILE_KNOWN = 0.01
-"""Of a first moment that is taken from the file, as a part of the largest of the mechanism without counter-masses, what
-it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
 FILE_MASS = 0.05
 """Standard deviation of the mass that the file gives to the bodies together, payload and counter-masses apart [-]. On a
 base that moves, forces hold it, and one that is not known is like a common error of the forces' sensitivity."""
@@ -147,44 +142,18 @@ class _Equations:
         """All conditions where the records determine them; else those that they tell better than the file, and what
         masses at the sites can change.
         """
-        problem, whole = self.problem, self.fit()
-        subspace = Subspace.at_sites(problem.conditions, problem.mounted, problem.sites)
-        if problem.at_sites is False or subspace.is_whole:
-            return whole, ()
-        determined = list[Floats]()
-        with suppress(NotIdentifiable):
-            if not problem.at_sites and problem.determined(whole.imbalance, whole.imbalance.estimate):
-                return whole, ()
-        for row, direction, most in () if problem.at_sites else self._beyond_sites(whole.imbalance, subspace):
-            with suppress(NotIdentifiable):
-                if whole.imbalance.estimate(row).half_width() <= FILE_KNOWN * most:
-                    determined.append(direction)
-        wider = subspace.joined(determined)
+        problem = self.problem
+        if problem.free is not None:
+            found = self.fit(None if problem.free.is_whole else problem.free)
+            return found, () if problem.free.is_whole else (FIXED_WITHIN,)
+        whole, at_sites = self.fit(), problem.at_sites
+        wider = problem.told(whole.imbalance, whole.imbalance.estimate)
         found = whole if wider.is_whole else self.fit(wider)
-        of_moments = subspace.directions * [unit != "kg" for unit in problem.conditions.units]
+        of_moments = at_sites.directions * [unit != "kg" for unit in problem.conditions.units]
         own = [found.imbalance.coordinates(row, len(found.regression.values)) for row in of_moments]
         if not all(map(found.regression.determines, own)):
-            wider, found = subspace, self.fit(subspace)
+            wider, found = at_sites, self.fit(at_sites)
         return found, () if wider.is_whole else (FIXED_WITHIN,)
-
-    def _beyond_sites(self, found: Imbalance, subspace: Subspace) -> Iterator[tuple[Floats, Floats, float]]:
-        """Combinations (rank,) [-] of the conditions that no mass at the sites changes: of what a body lacks, along the
-        axes in which it is known apart, and of masses alone; the direction (rank,) in which each is free; and the most
-        that the mechanism lacks of such [kg m, kg]. All the same in any order of bodies.
-        """
-        problem, free = self.problem, subspace.directions
-        lacking, units = np.asarray(problem.conditions.lacking), problem.conditions.units
-        alone = np.eye(len(units))[[unit != "kg m" for unit in units]]
-        metric = np.linalg.pinv(np.einsum("bik,bij->kj", lacking, lacking) + alone.T @ alone, hermitian=True)
-        for row in alone:
-            yield row, metric @ row, float(problem.largest @ row)
-        most = problem.conditions.residual("kg m", problem.mechanism)
-        for rows in lacking:
-            axes, sizes, _ = np.linalg.svd(rows @ free.T)
-            own = axes[:, np.count_nonzero(sizes > NOTHING * max(sizes[0], 1e-300)) :].T @ rows
-            for row in np.linalg.svd(own @ found.covariance @ own.T)[0].T @ own:
-                if np.linalg.norm(row) > NOTHING * np.linalg.norm(rows):
-                    yield row, metric @ row, most
 
     def _by_file(self, found: ImbalanceFit) -> Floats:
         """Of the conditions' values, (rank, rank) [kg m], by what the file may be wrong by in what is fixed: in first

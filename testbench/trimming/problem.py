@@ -1,6 +1,7 @@
 """What is asked of the runs, the equations of one run in one form for all sources, and what a source estimates."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -11,7 +12,8 @@ from balance.arrays import Floats
 from balance.balancing.conditions import Conditions
 from balance.closure import Trajectory
 from balance.estimation.estimate import Estimate
-from balance.estimation.first_moment_imbalance import Imbalance
+from balance.estimation.first_moment_imbalance import Imbalance, Subspace
+from balance.estimation.identifiability import NotIdentifiable
 from balance.estimation.regression import RegressionRecord, equal_blocks
 from balance.mechanism.mechanism import Mechanism
 
@@ -69,6 +71,9 @@ LEAST_REST_PERIODS = 2.0
 """Rest of a run that counts, in periods of the cut-off: of one period two values are independent."""
 NOTHING = 1e-12
 """Length of a column, relative to the longest, that is rounding."""
+FILE_KNOWN = 0.01
+"""Of a first moment that is taken from the file, as a part of the largest of the mechanism without counter-masses, what
+it may be wrong by: a mass centre off its line by a hundredth of what counts (Type B, rectangular)."""
 DETERMINED = 0.02
 """Half of an interval of what a body lacks, as a part of the most that one does without counter-masses, up to which a
 source determines it; else the file's value is taken where no mass at the sites changes it."""
@@ -90,8 +95,8 @@ class TrimProblem:
     sites: Sequence[str]
     cutoff: float | None
     """Highest frequency [Hz]; None: as is best for the source."""
-    at_sites: bool | None = None
-    """Whether what no mass at the sites can change is taken from the file; None: where records do not determine it."""
+    free: Subspace | None = None
+    """Directions in which the conditions' values are estimated, the others as by the file; None: as records tell."""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -117,6 +122,43 @@ class TrimProblem:
         asked += [(row, self.conditions.residual("kg m", self.mechanism)) for rows in found.lacking for row in rows]
         each = ((estimate(row), most) for row, most in asked)
         return all(one is not None and one.half_width() <= DETERMINED * most for one, most in each)
+
+    @property
+    def at_sites(self) -> Subspace:
+        """What masses at the sites can change."""
+        return Subspace.at_sites(self.conditions, self.mounted, self.sites)
+
+    def told(self, found: Imbalance, estimate: Callable[[Floats], Estimate | None]) -> Subspace:
+        """All, where a source that estimates so determines all; else what masses at the sites can change, and what it
+        tells better than the file.
+        """
+        free, told = self.at_sites, list[Floats]()
+        with suppress(NotIdentifiable):
+            if free.is_whole or self.determined(found, estimate):
+                return Subspace.all_values(self.conditions)
+        for row, direction, most in self._beyond(found, free):
+            with suppress(NotIdentifiable):
+                if (one := estimate(row)) is not None and one.half_width() <= FILE_KNOWN * most:
+                    told.append(direction)
+        return free.joined(told)
+
+    def _beyond(self, found: Imbalance, free: Subspace) -> Iterator[tuple[Floats, Floats, float]]:
+        """Combinations (rank,) [-] of the conditions that no mass at the sites changes: of what a body lacks, along the
+        axes in which it is known apart, and of masses alone; the direction (rank,) in which each is free; and the most
+        that the mechanism lacks of such [kg m, kg]. All the same in any order of bodies.
+        """
+        lacking, units = np.asarray(self.conditions.lacking), self.conditions.units
+        alone = np.eye(len(units))[[unit != "kg m" for unit in units]]
+        metric = np.linalg.pinv(np.einsum("bik,bij->kj", lacking, lacking) + alone.T @ alone, hermitian=True)
+        for row in alone:
+            yield row, metric @ row, float(self.largest @ row)
+        most = self.conditions.residual("kg m", self.mechanism)
+        for rows in lacking:
+            axes, sizes, _ = np.linalg.svd(rows @ free.directions.T)
+            own = axes[:, np.count_nonzero(sizes > NOTHING * max(sizes[0], 1e-300)) :].T @ rows
+            for row in np.linalg.svd(own @ found.covariance @ own.T)[0].T @ own:
+                if np.linalg.norm(row) > NOTHING * np.linalg.norm(rows):
+                    yield row, metric @ row, most
 
     @property
     def names(self) -> str:

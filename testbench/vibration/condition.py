@@ -5,7 +5,7 @@ How sure a mean of repeats is follows from the noise of the campaign, rests and 
 """
 
 from collections import defaultdict
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -286,17 +286,16 @@ class CampaignNoise:
     """
 
     @classmethod
-    def of(cls, conditions: Iterable[Condition], pool: TaskPool = HERE, mixed: Container[str] = ()) -> "CampaignNoise":
+    def of(cls, conditions: Iterable[Condition], pool: TaskPool = HERE) -> "CampaignNoise":
         """Pooled over all runs with one setting of the logger.
 
-        What differs between repeats of which one is not what it is taken for is no noise: of sides with a run of a
-        ``mixed`` name, and of those that are :func:`unlike`; unless there are no other repeats.
+        What differs between repeats that are :func:`unlike` is no noise, unless there are no other repeats.
         """
         conditions = list(conditions)
         sides = {side.key: side for condition in conditions for side in condition.sides}
         aligned = dict(zip(sides, pool.map(Synchronous.of, [s.records for s in sides.values()]), strict=True))
-        sure = {key: both for key, both in aligned.items() if not any(name in mixed for name in sides[key].names)}
-        sure = {key: both for (key, both), odd in zip(sure.items(), unlike([*sure.values()]), strict=True) if not odd}
+        odd = unlike([*aligned.values()])
+        sure = {key: both for (key, both), one in zip(aligned.items(), odd, strict=True) if not one}
         sure = sure if any(sure.values()) else aligned
         shown: dict[tuple[Place, int], _Shown] = defaultdict(_Shown)
         for name, side in sides.items():

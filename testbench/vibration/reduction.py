@@ -5,7 +5,7 @@ and from what the repeats differ by beyond that noise.
 """
 
 from collections import Counter
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -257,10 +257,14 @@ def analyze(
     about = {column.channel for rig in rigs for column in rig.base_columns}
     spoilt = [s for s in examination.contradictions if s.concerns(about)]
     mixed = {s.run for s in spoilt if s.code and examination.withheld([s.code])}
-    judged = CampaignLikelihoods.of(conditions, pool.in_memory, mixed)
+    wrong = [not mixed.isdisjoint(run.name for run in condition.pair.runs) for condition in conditions]
+    # Repeats of which one is not what it is taken for tell nothing of the other conditions.
+    apart = [[c for c, one in zip(conditions, wrong, strict=True) if one is of_mixed] for of_mixed in (False, True)]
+    judges = [CampaignLikelihoods.of(some, pool.in_memory) for some in apart]
+    known_of = [iter(pool.in_memory.map(one.calibrated, some)) for one, some in zip(judges, apart, strict=True)]
     reductions: list[Reduction] = []
-    for condition, known_of in zip(conditions, pool.in_memory.map(judged.calibrated, conditions), strict=True):
-        some = _doubted(condition.pair, known_of, examination)
+    for condition, of_mixed in zip(conditions, wrong, strict=True):
+        judged, some = judges[of_mixed], _doubted(condition.pair, next(known_of[of_mixed]), examination)
         findings += [*condition.findings, *reduction_findings(condition, some)]
         findings += [*judged.scatter_findings(condition), *condition.doubts]
         reductions += some
@@ -362,16 +366,13 @@ class CampaignLikelihoods:
     """Of the aligned repeats of each side, by condition and place."""
 
     @classmethod
-    def of(
-        cls, conditions: Sequence[Condition], pool: TaskPool = HERE, mixed: Container[str] = ()
-    ) -> "CampaignLikelihoods":
-        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise, to
-        which repeats with a run of a ``mixed`` name add nothing.
+    def of(cls, conditions: Sequence[Condition], pool: TaskPool = HERE) -> "CampaignLikelihoods":
+        """Runs that are compared with several sets of counter-masses count once; place by place, for its noise.
 
         Of so many places as copies of this process share evenly each is one task, so that its noise is drawn once;
         the others are cut finer than that, so that all are done at about the same time.
         """
-        found = cls(CampaignNoise.of(conditions, pool, mixed), {}, {}, {})
+        found = cls(CampaignNoise.of(conditions, pool), {}, {}, {})
         once: dict[Place, dict[tuple[int, ...], Group]] = {}
         places = list(dict.fromkeys(place for condition in conditions for place in condition.places))
         some = {place: [condition for condition in conditions if place in condition.places] for place in places}
