@@ -7,7 +7,7 @@ sum over the payloads of what is made small.
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from .sizing import (
     stock_use,
 )
 from .sizing_study import STEPS, allowed, refuse_sized
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -215,6 +218,10 @@ class NestedSizing(Shown, rows="counter_masses"):
         if self.stock_use:
             yield from self.stock_use.sentences(lambda part: f"{per_cent_text(100.0 * part)} over all payloads")
 
+    def plot(self) -> "Figure":
+        """The mechanism to scale with the last set, the first moments that it gives (matplotlib)."""
+        return self.sets[-1].plot()
+
     def below(self) -> tuple[str, ...]:
         """First-moment residuals, and whether the sets are the best."""
         found = []
@@ -260,7 +267,7 @@ def study_nested(
     from .stock_plates import load_stock
 
     if len(payloads) < 2:
-        raise SizingError(f"{len(payloads)} payloads: two or more are sized together; one by balance.size")
+        raise SizingError(f"expected two payloads or more, got {len(payloads)}: one is sized by balance.size")
     weights = weights or {"force": 1.0}
     if unlike := sorted(set(weights) - ({*MADE_SMALL} - {"vibration"} if trajectory else {"force"})):
         raise SizingError(f"the objective {', '.join(unlike)} is of a motion and of one payload")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..vibration.reduction import Analysis, Reduction
 
 
-METRIC = option("What an amplitude is.", Word(METRIC_NAMES), default="peak_to_peak")
+METRIC = option("What an amplitude is; rms is of the whole record.", Word(METRIC_NAMES), default="peak_to_peak")
 BAND = option(
     "Frequencies that count [Hz], by a Butterworth filter of order 4, forwards and backwards; none: all. Above a lower "
     "end of zero, an offset and a ramp are removed first: they are no vibration.",

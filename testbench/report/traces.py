@@ -460,4 +460,5 @@ def difference(first: Trace, second: Trace, late: Lag, moves: Sequence[float | N
     most = float(np.hypot(rest, np.nanmax(shifted(second.beginning[2]))))
     what = "interval of 95 % of each value by the noise of both runs at rest and by their alignment; offsets of the "
     what += "sensors are in the difference"
-    return Difference(trace, replace(trace, read=half_widths), f"± {rest:.3g} to {most:.3g} {first.unit}, {what}")
+    sizes = " to ".join(dict.fromkeys(f"{size:.3g}" for size in (rest, most)))
+    return Difference(trace, replace(trace, read=half_widths), f"± {sizes} {first.unit}, {what}")

@@ -33,7 +33,9 @@ TURNING_STIFFNESS = 1e6
 
 
 class Accelerometer(LoggedSensor):
-    """Acceleration of a point of a body, weight not included; axes of that body."""
+    """Acceleration of a point of a body, along axes of that body. Its level at rest does not count; what tilt shows of
+    the weight does: readings that a sensor or a program freed of weight are not those of an accelerometer.
+    """
 
     dimensions: ClassVar = ("acceleration",)
     kind: Literal["accelerometer"]

@@ -308,8 +308,9 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
 
     @property
     def verdict(self) -> str:
-        """``add``, ``remove`` (a site has too much), ``balanced`` (to a hundredth of what is missing without
-        counter-masses), ``nothing told`` (every interval holds zero), or ``doubtful``.
+        """``add``, ``remove`` (sites have too much), ``change`` (one has too little, one too much), ``balanced`` (to a
+        hundredth of what is missing without counter-masses), ``nothing told`` (every interval holds zero), or
+        ``doubtful``.
         """
         if self.doubts():
             return "doubtful"
@@ -318,7 +319,9 @@ class Trim(Shown, rows="missing", figure="testbench.figures.estimates:draw_trim"
         significant = [m.first_moment.value for m in self.missing if m.is_significant]
         if not significant:
             return "nothing told"
-        return "remove" if min(significant) < 0.0 else "add"
+        if min(significant) < 0.0:
+            return "change" if max(significant) > 0.0 else "remove"
+        return "add"
 
 
 def _contributions(source: Source, estimate: Imbalance, gain: Floats) -> list[Contribution]:

@@ -131,7 +131,7 @@ def test_the_residual_is_that_of_the_mounting_that_is_told(manipulator):
     found = trim_runs(memory.aligned([uneven.run(0)], manipulator), source="wrench")
     document, text = trim_document(found), _verdict(found, None)
     (add,), (less,), only = document["add"], document["remove"], document["only_adding"]
-    assert (add["site"], less["site"]) == ("counter_B0B", "counter_A0A")
+    assert (add["site"], less["site"], found.verdict) == ("counter_B0B", "counter_A0A", "change")
     assert [add["mass_kg"], less["mass_kg"]] == pytest.approx([1.0, 1.0], abs=0.3)
     assert found.changes == {"counter_B0B": add["mass_kg"], "counter_A0A": -less["mass_kg"]}
     assert document["predicted_residual_kgm"] < 0.005 < 0.02 < only["predicted_residual_kgm"]
