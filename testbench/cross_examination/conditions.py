@@ -12,16 +12,18 @@ and the interval is wide. Gauss-Newton on products of columns; intervals by a ja
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from balance.arrays import Floats
-from balance.estimation.estimate import coverage_factor
+from balance.estimation.estimate import coverage_factor, student_quantile
 from balance.units import G0
 
 from ..recording import mounted_masses
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
+from .outlying import FALSE_ALARMS
 from .peak_accelerations import Peak
 from .statement import Statement, misread
 from .torque_comparison import Unlike, comparable_torques, compared
@@ -173,6 +175,16 @@ FOLLOWS = 0.95
 """Correlation from which torques follow the model with the masses of the run table."""
 ABOVE_NOISE = 30.0
 """Span of a channel over its noise from which sizes are compared: white noise alone spans eight to ten."""
+REPEATS_SCATTER, PRIOR_FREE = 0.02, 4.0
+"""Of sizes in repeats of an honest bench, standard deviation [logarithm], and the degrees of freedom that it counts."""
+MEDIAN_OF_PAIRS, REPEAT_SHARE = 0.954, 0.37
+"""Median difference of two normal values [standard deviations], and the share of degrees of freedom that it has."""
+FEWEST_DEGREES = 4
+"""Of freedom of repeats, without the runs in question, below which NO_REPEAT, NEAR_SHARE and all channels decide."""
+CONFIRMS = 4.0
+"""Standard deviations of repeats by which two conditions differ, from which a channel tells which one a run is of."""
+LEAST_APART = float(np.log(1.1))
+"""Of sizes in two conditions, from which a channel tells them [logarithm]."""
 NAMED_MOTIONS = frozenset({"x", "y", "z", "triangle"})
 TORQUE_FACTOR = 2.0
 """Largest factor between a torque and its model without a finding, where the payload does not explain it."""
@@ -306,10 +318,10 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
     """Runs whose forces, torques and base accelerations are unlike all their repeats, and like runs with other masses.
 
     Sizes of channels are compared, which needs no model. Where both of two repeats are unlike, torques that follow the
-    model with the masses of the run table tell which of them carries these. Where the channels of one logger alone are
-    unlike, and those of another are not, its logs may be exchanged with those of a run that shows the inverse.
+    model with the masses of the run table tell which of them carries these. Where the logs of one logger alone are
+    those of another run (:func:`exchanged_logs`), that is stated instead.
     """
-    found, like = list[Statement](), dict[tuple[str, str], tuple[Observation, Observation, list[str]]]()
+    found = list[Statement]()
     for seen in observations:
         same = [o for o in observations if o.unmounted_condition == seen.unmounted_condition]
         apart = {o.name: _apart(seen, o, same) for o in same if o is not seen}
@@ -330,30 +342,115 @@ def unlike_repeats(observations: Sequence[Observation]) -> list[Statement]:
             stated = f"{_masses(seen.counter_masses)} by the run table"
             code = "counter_mass_contradiction" if wrong else None
             found.append(Statement(seen.name, "counter-masses", None, stated, witnessed, WITNESS, code))
-        for logger in seen.rig.loggers if right else []:
-            alone = _like_others(apart, repeats, others, logger)
-            if logger not in right and alone is not None and alone[2]:
-                like[seen.name, logger] = seen, alone[1], right
-    mixed = [s for run, logger in like if (s := _exchanged_logs(run, logger, like)) is not None]
+    mixed = exchanged_logs(observations)
     return [s for s in found if s.run not in {one.run for one in mixed}] + mixed
 
 
-def _exchanged_logs(
-    run: str, logger: str, like: Mapping[tuple[str, str], tuple[Observation, Observation, list[str]]]
-) -> Statement | None:
-    """That the log of a logger is like those of another condition, of which a run's is like those of this one's."""
-    seen, other, right = like[run, logger]
-    each = [one for (_, its), one in like.items() if its == logger]
-    others = tuple(
-        one.name for one, its, _ in each if (one.condition, its.condition) == (other.condition, seen.condition)
-    )
-    if not others:
-        return None
-    stated = f"{_masses(seen.counter_masses)} by the run table and as {' and '.join(right)} confirm"
-    witnessed = f"channels of {logger} agree with those of {other.name}, with {_masses(other.counter_masses)}: logs of "
-    witnessed += f"{logger} exchanged between {run} and {' or '.join(others)}?"
-    return Statement(run, "counter-masses", None, stated + "s" * (len(right) == 1), witnessed, WITNESS,
-                     "counter_mass_contradiction", others, because="copied_run")  # fmt: skip
+def exchanged_logs(observations: Sequence[Observation]) -> list[Statement]:
+    """Runs of which one logger's logs are those of another condition of the motion, while another's are their own.
+
+    The channel that tells two conditions best, without the runs in question, decides. Of two runs that each fit the
+    other's condition logs may be exchanged; of one alone, with two repeats, all channels that tell the two must say so.
+    """
+    found, groups = list[Statement](), list[list[Observation]]()
+    for seen in observations:
+        same = next((group for group in groups if group[0].commanded == seen.commanded), None)
+        groups.append([seen]) if same is None else same.append(seen)
+    for runs in groups:
+        loggers = {logger: _LogSizes(runs, logger) for logger in runs[0].rig.loggers}
+        labels = next((one.labels for one in loggers.values()), np.zeros(0))
+        for logger, own in loggers.items():
+            rest = [(name, one) for name, one in loggers.items() if name != logger]
+            for a, seen in enumerate(runs):
+                partners, right = dict[int, list[str]](), dict[int, list[str]]()
+                for c in sorted({*labels} - {labels[a]}):
+                    votes = {name: one.fits(a, c, (a,)) for name, one in rest}
+                    if True in votes.values() or False not in votes.values():
+                        continue  # the run itself may be another, or nothing tells that it is not
+                    right[c] = [name for name, vote in votes.items() if vote is False]
+                    partners[c] = [
+                        runs[b].name
+                        for b in np.flatnonzero(labels == c).tolist()
+                        if own.fits(a, c, (a, b)) and own.fits(b, labels[a], (a, b))
+                        if any(one.fits(b, labels[a], (b,)) is False for _, one in rest)
+                    ]
+                exchanged = [c for c in right if partners[c]]
+                for c in exchanged or [c for c in right if own.fits(a, c, (a,), alone=True)]:
+                    like = [one for one, label in zip(runs, labels, strict=True) if label == c]
+                    found.append(_of_another(seen, logger, like, partners[c], right[c]))
+    return found
+
+
+class _LogSizes:
+    """Logarithms of the sizes of a logger's channels in runs of one motion, by condition."""
+
+    def __init__(self, runs: Sequence[Observation], logger: str) -> None:
+        conditions = list[dict[str, object]]()
+        conditions += [o.condition for i, o in enumerate(runs) if o.condition not in [p.condition for p in runs[:i]]]
+        self.labels = np.array([conditions.index(o.condition) for o in runs])
+        channels = dict.fromkeys(c for o in runs for c, one in o.records.items() if one.column.logger == logger)
+        self.values = np.full((len(runs), len(channels)), np.nan)
+        for k, channel in enumerate(channels):
+            records = [o.records.get(channel) for o in runs]
+            if any(one is not None and one.span > ABOVE_NOISE * one.noise for one in records):
+                sizes = [0.0 if one is None or one.dead or one.clipped else one.span for one in records]
+                self.values[:, k] = np.log([size if size > 0.0 else np.nan for size in sizes])
+        self.rate = FALSE_ALARMS / (2.0 * len(runs) * max(len(conditions) - 1, 1))
+
+    def fits(self, run: int, other: int, left_out: tuple[int, ...], alone: bool = False) -> bool | None:
+        """Whether a run is as another condition and as none of its own repeats, False if as these; None if it is not
+        told. ``alone``: of two repeats or more, by all channels that tell the two conditions, two or more.
+
+        Conditions count by their medians without runs ``left_out``, scatter by the median of differences between
+        repeats, with that of honest benches as four more degrees of freedom: Smyth, G. K., Statistical Applications in
+        Genetics and Molecular Biology 3 (2004), 3.
+        """
+        kept = np.isin(np.arange(len(self.labels)), left_out, invert=True)
+        sides = [self.values[kept & (self.labels == c)] for c in (self.labels[run], other)]
+        if len(sides[0]) < 1 + alone or not len(sides[1]) or not self.values.size:
+            return None
+        pairs = [(i, j) for i, j in combinations(np.flatnonzero(kept).tolist(), 2) if self.labels[i] == self.labels[j]]
+        degrees = int(kept.sum()) - len({*self.labels[kept]})
+        free, few = REPEAT_SHARE * degrees, degrees < FEWEST_DEGREES
+        apart = np.abs([self.values[i] - self.values[j] for i, j in pairs or [(run, run)]])
+        scatter = np.median(apart, axis=0) / MEDIAN_OF_PAIRS
+        scatter = np.sqrt((free * scatter**2 + PRIOR_FREE * REPEATS_SCATTER**2) / (free + PRIOR_FREE))
+        limit = student_quantile(1.0 - self.rate, free + PRIOR_FREE) * scatter * np.sqrt(1.0 + 1.0 / len(sides[0]))
+        limit = np.maximum(limit, NO_REPEAT if few else 0.0)
+        own, far = (np.median(side, axis=0) for side in sides)
+        surely = np.nan_to_num(np.abs(far - own) / np.maximum(CONFIRMS * scatter, LEAST_APART))
+        tells, best = surely > 1.0, int(np.argmax(surely))
+        if not tells[best]:
+            return None
+        away, near = (np.abs(side - self.values[run]).min(axis=0) for side in sides)
+        if not (away[best] > limit[best] and near[best] < (NEAR_SHARE if few else 0.5) * away[best]):
+            return False if away[best] < near[best] else None
+        nearer = (near < away)[tells]
+        return bool(
+            (nearer.all() if alone or few else 2 * nearer.sum() > len(nearer)) and (len(nearer) > 1 or not alone)
+        )
+
+
+def _of_another(
+    seen: Observation, logger: str, like: Sequence[Observation], partners: Sequence[str], right: Sequence[str]
+) -> Statement:
+    """That a run's logs of a logger are as those of ``like``, another condition; those of ``right`` are its own."""
+    masses = seen.counter_masses != like[0].counter_masses
+    stated = f"{_carried(seen)} by the run table and as {' and '.join(right)} confirm" + "s" * (len(right) == 1)
+    first = next((o for o in like if o.name not in partners), like[0])
+    witnessed = f"channels of {logger} agree with those of {first.name}, with {_carried(like[0])}: "
+    if partners:
+        witnessed += f"logs of {logger} exchanged between {seen.name} and {' or '.join(partners)}?"
+    else:
+        witnessed += f"these logs of {logger} may belong to another run, such as {like[0].name}"
+    return Statement(seen.name, "counter-masses" if masses else "copy", None, stated, witnessed, WITNESS,
+                     "counter_mass_contradiction" if masses else "copied_run",
+                     tuple(partners), because="copied_run")  # fmt: skip
+
+
+def _carried(seen: Observation) -> str:
+    payload = seen.conditions.get("payload_kg")
+    return f"{f'{payload:g} kg of payload and ' * (payload is not None)}{_masses(seen.counter_masses)}"
 
 
 def _follows(seen: Observation, same: Sequence[Observation]) -> bool:
@@ -374,18 +471,14 @@ def _is_like(away: float, near: float) -> bool:
 
 
 def _like_others(
-    apart: Mapping[str, Apart], repeats: Sequence[Observation], others: Sequence[Observation], logger: str = ""
+    apart: Mapping[str, Apart], repeats: Sequence[Observation], others: Sequence[Observation]
 ) -> tuple[float, Observation, bool] | None:
     """Factor between sizes and those of the nearest repeat, the nearest run with other masses, and whether sizes are
-    like its; medians over the channels of a logger, or of all. None where nothing is compared.
+    like its; medians over the channels. None where nothing is compared.
     """
-
-    def median(other: Observation) -> float | None:
-        sizes = [d for (its, _), d in apart[other.name].items() if logger in {"", its}]
-        return float(np.median(sizes)) if sizes else None
-
-    away = [d for o in repeats if (d := median(o)) is not None]
-    nearby = [(d, o) for o in others if (d := median(o)) is not None]
+    medians = {name: float(np.median([*sizes.values()])) for name, sizes in apart.items() if sizes}
+    away = [medians[o.name] for o in repeats if o.name in medians]
+    nearby = [(medians[o.name], o) for o in others if o.name in medians]
     if not away or not nearby:
         return None
     near, other = min(nearby, key=lambda one: one[0])

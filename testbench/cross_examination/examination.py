@@ -234,8 +234,9 @@ def hear(seen: Sequence[Observation], accepted: Iterable[str] = (), pool: TaskPo
     if torque is None:
         reasons |= {name: reasons[name] | {"payload": UNDETERMINED} for name in masses}
     statements += [*about_masses, *about_payload]
-    unsure = frozenset(s.run for s in statements if s.code in CONDITIONS)
+    unsure = frozenset(s.run for s in statements if s.code in CONDITIONS) | mixed
     doubted = {run: "its masses are contradicted, and the model has those of the run table" for run in unsure} | doubted
+    doubted |= {run: "logs of it may be another run's" for run in mixed}
     reasons |= {run: {DOUBTED: why, **reasons[run]} for run, why in doubted.items()}
     flat = {(s.run, s.channel) for s in statements if s.code == "flat_channel"}
     found = examined_sensors(seen, unsure)
