@@ -113,12 +113,14 @@ def other_run_tables(files: Sequence[Path], run_table: Path | None) -> dict[Path
 
 def _same_content(one: Path, other: Path) -> bool:
     with suppress(OSError):
-        return one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()
+        return one.is_file() and one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()
     return False
 
 
 def is_run_table(path: Path) -> bool:
     """Whether a file's first line has the columns ``run``, and ``file`` or some ``file_NAME``, as a run table has."""
+    if not path.is_file():  # a pipe would wait for who writes it
+        return False
     try:
         with path.open(encoding="utf-8-sig", errors="replace") as stream:
             columns = {cell.strip(' "') for cell in re.split("[,;\t]", stream.readline(10_000).strip())}
