@@ -101,6 +101,8 @@ def _print(result: "Trim", stock: str | None) -> None:
             f"with {found.degrees_of_freedom} degrees of freedom, probability {found.probability:.2g}."
         )
     left = "is noise: hardly anything else is measured" if result.verdict == "balanced" else "stays unexplained"
+    if result.verdict != "balanced" and any(share.is_noise for share in result.shares):
+        left += ", no more than the sensors read at rest"
     say(f"{result.unexplained:.1%} of what was measured {left}.")
     for text in result.about:  # of one source among several it begins with "By ..."
         if text in {COMPROMISE, SLIDES} or FIXED[1:] in text:

@@ -58,8 +58,16 @@ class Share:
     @property
     def doubtful(self) -> bool:
         """Whether too much stays unexplained, and more than noise: of a balanced mechanism hardly more is measured."""
-        noise = self.over_rest <= (_LIKE_REST if self.of_unbalanced <= _LITTLE else _AS_REST)
-        return self.unexplained > SOURCES[self.source].doubtful_share and not noise
+        return self._much and not self.is_noise
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether much stays unexplained, and no more than is read at rest."""
+        return self._much and self.over_rest <= (_LIKE_REST if self.of_unbalanced <= _LITTLE else _AS_REST)
+
+    @property
+    def _much(self) -> bool:
+        return self.unexplained > SOURCES[self.source].doubtful_share
 
     @property
     def why(self) -> str:

@@ -109,6 +109,7 @@ def test_noise_that_the_rest_shows_is_no_doubt(manipulator, runs, aligned, at_re
     found = trim_runs(shaken, source="vibration")
     assert found.unexplained > 0.3
     assert (found.verdict == "doubtful") is not at_rest
+    assert [share.is_noise for share in found.shares] == [at_rest]
     assert holds(found, 0.1)
 
 
