@@ -62,8 +62,8 @@ KNOT_S, KNOT_PERIODS = 0.8, 2.0
 CAUSES: dict[Cause, tuple[float, str]] = {
     "outside_torque": (0.01, "a torque from outside, as of a hand or an obstacle,"),
     "brief_torque": (0.005, "a brief torque from outside, as of a hand or an obstacle,"),
-    "slip": (0.01, "an angle that slips between encoder and body"),
-    "angle_scale": (0.002, "an encoder that reads its angle by another scale"),
+    "slip": (0.01, "an angle that slips between encoder and body, or a base whose motion is not known,"),
+    "angle_scale": (0.002, "an encoder that reads its angle by another scale, or a base whose motion is not known,"),
 }
 """What is sought; and the part of the torques that smoothed positions may distort, along what varies freely, the one of
 its columns that explains most, or the one of a scale: what explains less says nothing."""
@@ -400,8 +400,9 @@ class ModelTests:
             )
             text = (
                 f"by masses known to differ between the runs {what} {one.value:.4f} times what {should} "
-                f"({LEVEL_TEXT}: {inner}), or the run table's masses are wrong; where the masses are right, correct "
-                f"the sensor: {orders}, or what the rig has as sensitivity times that number; until then the values "
+                f"({LEVEL_TEXT}: {inner}), or the run table's masses are wrong, or the base moves, of which the rig "
+                "says nothing (state [bench]); where masses are right and the base rests, correct the sensor: "
+                f"{orders}, or what the rig has as sensitivity times that number; until then the values "
                 "are of the torques as they read, and their intervals reach to those of torques divided by it"
             )
             found.append(Doubt("torque_scale", text))
