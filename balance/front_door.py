@@ -7,11 +7,11 @@ The commands call the same functions. A mechanism is a ``Mechanism``, a shipped 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .closure import Closure, Trajectory
 from .datasets import KINDS, FileDigest, dataset_names, files_read
@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # what each function needs is imported when it is called: a c
 
 _KINDS = "mechanism motion stock rig plan drive engine linkage rotor springs"
 FOLDERS = dict(KINDS[kind] for kind in _KINDS.split())
+
+_Study = TypeVar("_Study", "SizingStudy", "NestedSizing")
 
 
 def shipped(kind: str) -> list[str]:
@@ -185,14 +187,23 @@ def size(
     """
     from .balancing.sizing_study import study_sizing
 
+    return _sized(mechanism, motion, lambda model, trajectory, name: study_sizing(
+        model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
+        weights=objective, rig=rig, payload_bodies=payload_bodies, given=_masses(given),
+        added=None if added is None else si(added, "mass"),
+    ))  # fmt: skip
+
+
+def _sized(
+    mechanism: Mechanism | str | Path,
+    motion: Motion | str | Path | None,
+    study: Callable[[Mechanism, Trajectory | None, str | None], _Study],
+) -> _Study:
+    """A study of a mechanism along a motion of this name, where there is one, with the files that were read."""
     model, moved = _mechanism(mechanism), None if motion is None else _motion(motion)
     trajectory, name = (None, None) if moved is None else (follow(model, moved), _name(motion or ""))
     with files_read() as files:
-        found = study_sizing(
-            model, trajectory, motion=name, sites=sites, stock=stock, limits=_masses(limits), equal=equal, best=best,
-            weights=objective, rig=rig, payload_bodies=payload_bodies, given=_masses(given),
-            added=None if added is None else si(added, "mass"),
-        )  # fmt: skip
+        found = study(model, trajectory, name)
     return replace(found, files=_distinct(model.files, moved.files if moved else (), files))
 
 
@@ -226,15 +237,11 @@ def size_nested(
     """
     from .balancing.nested_sizing import study_nested
 
-    model, moved = _mechanism(mechanism), None if motion is None else _motion(motion)
-    trajectory, name = (None, None) if moved is None else (follow(model, moved), _name(motion or ""))
-    with files_read() as files:
-        found = study_nested(
-            model, [_masses(one) for one in payloads], trajectory, motion=name, sites=sites, stock=stock,
-            limits=_masses(limits), equal=equal, weights=objective, fixed=fixed, given=_masses(given),
-            added=None if added is None else si(added, "mass"),
-        )  # fmt: skip
-    return replace(found, files=_distinct(model.files, moved.files if moved else (), files))
+    return _sized(mechanism, motion, lambda model, trajectory, name: study_nested(
+        model, [_masses(one) for one in payloads], trajectory, motion=name, sites=sites, stock=stock,
+        limits=_masses(limits), equal=equal, weights=objective, fixed=fixed, given=_masses(given),
+        added=None if added is None else si(added, "mass"),
+    ))  # fmt: skip
 
 
 def write_report(

@@ -438,9 +438,9 @@ class _Source:
         """The same of runs of which one is simulated: what they determine is told by their design, not by readings."""
         everything = Subspace.all_values(problem.conditions)
         found = cls.of(source, replace(problem, free=everything), made)
-        told = problem.told(found.imbalance, found.estimate)
-        told = told if made is None else told.joined([*made.imbalance.subspace.directions])
-        return found if told.is_whole else cls.of(source, replace(problem, free=told), made)
+        free = problem.free_directions(found.imbalance, found.estimate)
+        free = free if made is None else free.joined([*made.imbalance.subspace.directions])
+        return found if free.is_whole else cls.of(source, replace(problem, free=free), made)
 
     def estimate(self, combination: Floats) -> Estimate | None:
         """How surely the runs give a combination (rank,) of the conditions' values; None: not at all."""

@@ -22,8 +22,9 @@ _LEVEL = 1e-9
 _TIES = 1e-5
 """Weight of squares relative to masses: sites whose levers differ by more are not equivalent."""
 _STIFF = 3.0
-"""Weight of a total's error relative to that of the target: its square is what a step leaves of it."""
+"""Weight of a total's error relative to that of the target: a step divides that error by about its square."""
 _STEPS = 100
+"""Most steps of the method of multipliers; what they do not settle shows in the gap."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def distribute_within(
 
     With them the price of each total [kg], (sums,), and by how much J may exceed the least of all [square of the
     target's unit]. The price p is its multiplier: J + p (weights m - totals) has its least there without the totals.
-    With what is spare of each, s, as further unknowns, weights m + s = totals: the method of multipliers, each step of
+    With a slack s of each as further unknowns, weights m + s = totals: the method of multipliers, each step of
     which is a least-squares problem (Hestenes, J. Optim. Theory Appl. 4, 1969).
     """
     upper = np.where(((weights > 0.0) & (totals[:, None] <= 0.0)).any(axis=0), 0.0, upper)
@@ -100,28 +101,30 @@ def distribute_within(
     prices: Floats = np.zeros(len(totals))
     if (weights @ best.masses <= totals).all():
         return best.masses, prices, best.gap
-    count, worst = columns.shape[1], np.full(len(totals), np.inf)
+    count, before = columns.shape[1], np.full(len(totals), np.inf)
     size = _STIFF * np.linalg.norm(columns, axis=0).max() / np.linalg.norm(weights, axis=1)
     most, cost = np.append(upper, np.full(len(totals), np.inf)), np.append(np.ones(count), np.zeros(len(totals)))
     found: tuple[Floats, Floats, float] = np.zeros(count), prices, float(target @ target)
     for _ in range(_STEPS):
         rows = np.block([[columns, np.zeros((len(columns), len(totals)))], [size[:, None] * weights, np.diag(size)]])
         right = np.append(target, size * totals - 0.5 * prices / size)
-        masses, spare = np.split(distribute_masses(rows, right, most, cost=cost).masses, [count])
-        over = weights @ masses + spare - totals
-        prices = np.where(spare > 0.0, 0.0, np.maximum(prices + 2.0 * size**2 * over, 0.0))
-        one = _within(columns, target, upper, weights, totals, masses, prices)
+        masses, slack = np.split(distribute_masses(rows, right, most, cost=cost).masses, [count])
+        excess = weights @ masses + slack - totals
+        prices = np.where(slack > 0.0, 0.0, np.maximum(prices + 2.0 * size**2 * excess, 0.0))
+        one = _feasible(columns, target, upper, weights, totals, masses, prices)
         found = one if one[2] <= max(found[2], _ROUNDING * float(target @ target)) else found
-        if (np.abs(over) <= _ROUNDING * (np.abs(weights) @ masses + totals)).all():
+        if (np.abs(excess) <= _ROUNDING * (np.abs(weights) @ masses + totals)).all():
             break
-        size, worst = np.where(np.abs(over) > 0.25 * worst, 10.0 * size, size), np.abs(over)
+        size, before = np.where(np.abs(excess) > 0.25 * before, 10.0 * size, size), np.abs(excess)
     return found
 
 
-def _within(
+def _feasible(
     columns: Floats, target: Floats, upper: Floats, weights: Floats, totals: Floats, masses: Floats, prices: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Masses that keep the totals where rounding broke them, prices to rounding, and the gap of both."""
+    """``masses`` (sites,) [kg] that keep the totals to the last bit, ``prices`` (sums,) as their free sites have them,
+    and the gap of both: what ``distribute_within`` gives.
+    """
     free = (masses > 0.0) & (masses < upper)
     for weight, total in zip(weights, totals, strict=True):
         part, fixed = weight @ (masses * free), weight @ (masses * ~free)

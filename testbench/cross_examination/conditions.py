@@ -23,8 +23,8 @@ from balance.units import G0
 from ..recording import mounted_masses
 from ..rig.sensors import Torque
 from .observation import BLOCKS, DRIVE_TERMS, Observation, TorqueEquations, jackknife
-from .outlying import FALSE_ALARMS
 from .peak_accelerations import Peak
+from .repeated_sizes import FALSE_ALARMS
 from .statement import Statement, misread
 from .torque_comparison import Unlike, comparable_torques, compared
 

@@ -4,9 +4,14 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from balance.arrays import Floats, Mask
+from balance.estimation.estimate import student_quantile
+
 from .observation import Observation
-from .outlying import FALSE_ALARMS, outlying
 from .statement import Statement
+
+FALSE_ALARMS = 0.01
+"""Rate at which something is said of an honest campaign by one kind of comparison, where errors are normal."""
 
 FOLLOWS = 0.9
 """Correlation of a channel with a repeat, at best lag, from which their sizes are compared: a knock or a floor that
@@ -72,3 +77,24 @@ def _follow(one: np.ndarray, other: np.ndarray) -> bool:
     one, other = one - one.mean(), other - other.mean()
     power = float(np.linalg.norm(one) * np.linalg.norm(other))
     return bool(power > 0.0 and np.abs(correlate(one, other, method="fft")).max() > FOLLOWS * power)
+
+
+def outlying(values: Floats, rate: float) -> Mask:
+    """Of values (n,) [any unit], normally distributed but for fewer than half: which are of no such sample, (n,).
+
+    Generalized extreme Studentized deviate, ``rate`` that of a false alarm in all n: Rosner, B., Percentage points for
+    a generalized ESD many-outlier procedure, Technometrics 25 (1983), 165-172, the rate shared by its
+    steps: below 15 values they add up. Of fewer than three none is.
+    """
+    kept, order, found = np.ones(len(values), dtype=bool), list[int](), 0
+    steps = (len(values) - 1) // 2
+    for _ in range(steps):
+        apart, left = np.abs(values - values[kept].mean()), int(kept.sum())
+        t = student_quantile(1.0 - rate / (2.0 * left * steps), left - 2.0)
+        limit = (left - 1.0) * t / np.sqrt((left - 2.0 + t * t) * left)
+        order.append(worst := int(np.argmax(np.where(kept, apart, -1.0))))
+        found = len(order) if apart[worst] > limit * values[kept].std(ddof=1) else found
+        kept[worst] = False
+    mask = np.zeros(len(values), dtype=bool)
+    mask[order[:found]] = True
+    return mask

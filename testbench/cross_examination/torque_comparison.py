@@ -28,7 +28,7 @@ from balance.arrays import Floats
 from balance.estimation.estimate import coverage_factor
 
 from .observation import DRIVE_TERMS, Observation, TorqueEquations, jackknife
-from .outlying import FALSE_ALARMS, outlying
+from .repeated_sizes import FALSE_ALARMS, outlying
 
 FEWEST = 5
 """Runs with torques of which some may be told from the others."""

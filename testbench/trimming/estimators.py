@@ -147,7 +147,7 @@ class _Equations:
             found = self.fit(None if problem.free.is_whole else problem.free)
             return found, () if problem.free.is_whole else (FIXED_WITHIN,)
         whole, at_sites = self.fit(), problem.at_sites
-        wider = problem.told(whole.imbalance, whole.imbalance.estimate)
+        wider = problem.free_directions(whole.imbalance, whole.imbalance.estimate)
         found = whole if wider.is_whole else self.fit(wider)
         of_moments = at_sites.directions * [unit != "kg" for unit in problem.conditions.units]
         own = [found.imbalance.coordinates(row, len(found.regression.values)) for row in of_moments]

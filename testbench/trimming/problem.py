@@ -128,21 +128,21 @@ class TrimProblem:
         """What masses at the sites can change."""
         return Subspace.at_sites(self.conditions, self.mounted, self.sites)
 
-    def told(self, found: Imbalance, estimate: Callable[[Floats], Estimate | None]) -> Subspace:
+    def free_directions(self, found: Imbalance, estimate: Callable[[Floats], Estimate | None]) -> Subspace:
         """All, where a source that estimates so determines all; else what masses at the sites can change, and what it
         tells better than the file.
         """
-        free, told = self.at_sites, list[Floats]()
+        free, more = self.at_sites, list[Floats]()
         with suppress(NotIdentifiable):
             if free.is_whole or self.determined(found, estimate):
                 return Subspace.all_values(self.conditions)
-        for row, direction, most in self._beyond(found, free):
+        for row, direction, most in self._beyond_sites(found, free):
             with suppress(NotIdentifiable):
                 if (one := estimate(row)) is not None and one.half_width() <= FILE_KNOWN * most:
-                    told.append(direction)
-        return free.joined(told)
+                    more.append(direction)
+        return free.joined(more)
 
-    def _beyond(self, found: Imbalance, free: Subspace) -> Iterator[tuple[Floats, Floats, float]]:
+    def _beyond_sites(self, found: Imbalance, free: Subspace) -> Iterator[tuple[Floats, Floats, float]]:
         """Combinations (rank,) [-] of the conditions that no mass at the sites changes: of what a body lacks, along the
         axes in which it is known apart, and of masses alone; the direction (rank,) in which each is free; and the most
         that the mechanism lacks of such [kg m, kg]. All the same in any order of bodies.

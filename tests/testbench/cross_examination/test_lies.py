@@ -23,9 +23,8 @@ from testbench.cross_examination.observation import (
     Response,
     TorqueEquations,
 )
-from testbench.cross_examination.outlying import outlying
 from testbench.cross_examination.peak_accelerations import Peak
-from testbench.cross_examination.repeated_sizes import repeated_sizes
+from testbench.cross_examination.repeated_sizes import outlying, repeated_sizes
 from testbench.cross_examination.repeated_vibration import repeated_vibration
 from testbench.cross_examination.statement import Statement
 from testbench.cross_examination.torque_comparison import EXPLAINS, compared
