@@ -238,6 +238,8 @@ def read_text(path: Path, error: type[CounterpoiseError] = DataError, largest: i
     """
     try:
         size = path.stat().st_size
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise error(f"{path}: is a pipe or device; expected a file")
         if size > largest:
             raise error(f"{path.name}: is {size / 1e6:.0f} MB: expected at most {largest / 1e6:.0f} MB")
         return text_of(path)

@@ -172,10 +172,11 @@ class NestedSizing(Shown, rows="counter_masses"):
 
     @property
     def has_finding(self) -> bool:
-        """Whether with some payload more remains than steps of stock plates leave."""
+        """Whether with some payload more remains than steps of stock plates leave, or the motion is coarse."""
         largest = max(one.remaining_percent() or 0.0 for one in self.sets)
-        others = self.stock or (self.given and all(one.is_complete() for one in self.any_mass))
-        return not self.balanced and not (others and largest <= 100.0 * STEPS)
+        others = (self.stock or self.given) and all(one.is_complete() for one in self.any_mass)
+        coarse = bool(self.trajectory and self.trajectory.coarse)
+        return coarse or (not self.balanced and not (others and largest <= 100.0 * STEPS))
 
     def document(self) -> dict[str, Any]:
         """For JSON: units in the keys."""
@@ -231,7 +232,8 @@ class NestedSizing(Shown, rows="counter_masses"):
                 residual = f"{one.residual():.4g} kg m  ({per_cent_text(one.residual_percent())})"
                 found.append(f"First-moment residual at {given}  {residual}")
         if not found:
-            found.append("No masses at these sites balance it completely with any of these payloads.")
+            within = " within the limits" if self.limits or self.added is not None else ""
+            found.append(f"No masses at these sites{within} balance it completely with any of these payloads.")
         return (*found, self.proof)
 
     @property

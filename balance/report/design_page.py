@@ -131,9 +131,9 @@ def _within(tolerances: Sequence[Tolerance], one: Sizing, samples: Any) -> Toler
 
 def _text(payloads: Sequence[Mapping[str, float]]) -> str:
     """Bodies with their masses: ``fixture 0.9 kg``, of several payloads ``fixture 0.9 / 2.3 kg``."""
-    return ", ".join(
-        f"{name} {' / '.join(dict.fromkeys(f'{one[name]:.6g}' for one in payloads))} kg" for name in payloads[0]
-    )
+    names = dict.fromkeys(name for one in payloads for name in one)
+    each = {name: dict.fromkeys(f"{one[name]:.6g}" for one in payloads if name in one) for name in names}
+    return ", ".join(f"{name} {' / '.join(masses)} kg" for name, masses in each.items())
 
 
 def _mounted(one: Sizing) -> str:

@@ -61,7 +61,8 @@ class EncoderErrors:
         ends = round(_ENDS_S * run.grid.rate) + 1
         self.cut = max(*speeds[:ends], *speeds[-ends:], 0.0) > _REST * speeds.max(initial=0.0)
         """Whether the record begins or ends in motion: the largest acceleration may be outside of it."""
-        rough = np.array([np.diff(part, 3, axis=0).std(axis=0) for part in np.array_split(readings, 40)])
+        parts = np.array_split(readings, max(1, min(40, len(readings) // 8)))  # with enough third differences each
+        rough = np.array([np.diff(part, 3, axis=0).std(axis=0) for part in parts])
         self.run, self.steps = run, reading_steps(readings)
         self.noise = np.quantile(rough, 0.1, axis=0) / 20.0**0.5
         self.bands = [hz for hz in BANDS_HZ if hz <= run.cutoff] or [run.cutoff]

@@ -40,7 +40,7 @@ def plan_runs(files: Sequence[Path], run_table: Path | None) -> list[PlannedRun]
     Raises RigError for a run table that contradicts itself.
     """
     if run_table is None:
-        runs = [PlannedRun(path.stem, (path,)) for path in files]
+        runs = [PlannedRun(path.stem, (path,)) for path in {p.resolve(): p for p in reversed(files)}.values()][::-1]
         problems = _problems(runs)
         return [replace(run, problem=problems.get(run.name, "")) for run in runs]
     from .run_table import read_run_table  # late: a log alone needs no model of a table
@@ -118,15 +118,18 @@ def _same_content(one: Path, other: Path) -> bool:
 
 
 def is_run_table(path: Path) -> bool:
-    """Whether a file's first line has the columns ``run``, and ``file`` or some ``file_NAME``, as a run table has."""
+    """Whether a file has the columns ``run``, and ``file`` or some ``file_NAME``, and no row of numbers next."""
     if not path.is_file():  # a pipe would wait for who writes it
         return False
     try:
         with path.open(encoding="utf-8-sig", errors="replace") as stream:
-            columns = {cell.strip(' "') for cell in re.split("[,;\t]", stream.readline(10_000).strip())}
+            names, values = (re.split("[,;\t]", stream.readline(10_000).strip()) for _ in range(2))
     except OSError:
         return False
-    return "run" in columns and any(name == "file" or name.startswith("file_") for name in columns)
+    columns, is_log = {name.strip(' "\n') for name in names}, False
+    with suppress(ValueError):  # of a log the rows are numbers
+        is_log = bool([float(value) for value in values if value])
+    return not is_log and "run" in columns and any(name == "file" or name.startswith("file_") for name in columns)
 
 
 def _problems(runs: Sequence[PlannedRun]) -> dict[str, str]:

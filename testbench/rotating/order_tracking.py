@@ -389,9 +389,9 @@ def vectors(
     ends = [at if instant is None else si(instant, "time") for instant, at in ((begin, -np.inf), (end, np.inf))]
     part = slice(*np.searchsorted(time, ends))
     if len(time[part]) < 2:
-        raise AnalysisError(
-            f"{where}: no samples from {ends[0]:g} to {ends[1]:g} s: it has {time[0]:g} to {time[-1]:g} s"
-        )
+        asked = f"from {ends[0]:g} s on" if np.isinf(ends[1]) else f"from {ends[0]:g} to {ends[1]:g} s"
+        ends_first = ", which ends before it begins" if ends[1] <= ends[0] else ""
+        raise AnalysisError(f"{where}: no samples {asked}{ends_first}: it has {time[0]:g} to {time[-1]:g} s")
     unit = in_si.channels[index].unit
     marks = 1 if pulses is None else pulses
     if is_encoder := bool(unit and _dimension(unit, ["angle"])):

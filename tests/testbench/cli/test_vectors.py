@@ -164,7 +164,7 @@ def test_several_marks_a_turn(tmp_path: Path) -> None:
     assert any("look alike" in text and "multiples of 180 deg" in text for text in document["findings"])
     with pytest.raises(AnalysisError, match="2 marks that look alike"):
         run(file, "--pulses", "2", "--speed", "2768rpm", "--toml", "x")
-    with pytest.raises(AnalysisError, match="no samples from 3 to inf s: it has 0 to 1"):
+    with pytest.raises(AnalysisError, match="no samples from 3 s on: it has 0 to 1"):
         order_tracking.vectors(file, begin=3.0)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from testbench.cli import main
+from testbench.ingestion.planned_runs import is_run_table, plan_runs
 from tests.commands import call
 
 RIG = """name = "bench"
@@ -98,3 +99,11 @@ def test_other_run_tables_among_the_logs_are_no_logs(ingest, tmp_path):
     assert (found.code, "copy of the run table" in found.err) == (0, True)
     (tmp_path / "old.csv").write_text("run,file\nr,log.csv\n")
     assert "is a run table" in ingest(log("Time (s),ax (g)"), "old.csv").err
+
+
+def test_a_log_with_columns_of_a_run_table_is_a_log(tmp_path):
+    """Its rows are numbers; given twice by overlapping patterns it is one run."""
+    merged = tmp_path / "merged.csv"
+    merged.write_text(log("Time (s),x (m),run,file_index", columns=3))
+    assert not is_run_table(merged)
+    assert [run.name for run in plan_runs([merged, tmp_path / "." / "merged.csv"], None)] == ["merged"]
