@@ -97,6 +97,8 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
     phase: str = "lead"
     several: Mapping[int, str] = field(default_factory=dict)
     """What speaks for so many marks where one a turn was taken for granted."""
+    of_clock: tuple[str, ...] = ()
+    """What is to be said of the clock that turns are counted by."""
 
     @property
     def speed(self) -> float:
@@ -195,6 +197,7 @@ class Vectors(Shown, rows="rows", figure="testbench.figures.rotating:draw_vector
         each = (f"{v.sensor}: {text}" for v in self.vectors for text in self._of(v))
         pulses = (*self._synchronous_sampling(), *self._coarse_pulses(), *self._unfollowed_speed())
         return (
+            *self.of_clock,
             *self._several_marks(),
             *self._marks_alike(),
             *pulses,
@@ -433,7 +436,9 @@ def vectors(
             )
     others = [] if sensors else [group.channels[i] for i in group.measured if i != index and i not in chosen]
     left_out = tuple(f"{c.label} ({c.unit or 'no unit'})" for c in others)
-    return Vectors(order, turns, tuple(found), left_out, run.name, run.origin, asked, amplitude, phase, several)
+    clock = tuple(f"speeds and orders are by its time, which {one.message}" for one in run.findings
+                  if one.code == "time_unit_assumed" and one.group in {None, group.name})  # fmt: skip
+    return Vectors(order, turns, tuple(found), left_out, run.name, run.origin, asked, amplitude, phase, several, clock)
 
 
 def _chosen(run: Run, group: StoredGroup, in_si: StoredGroup, tacho: int, sensors: Sequence[str]) -> list[int]:

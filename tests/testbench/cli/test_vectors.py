@@ -168,6 +168,17 @@ def test_several_marks_a_turn(tmp_path: Path) -> None:
         order_tracking.vectors(file, begin=3.0)
 
 
+def test_a_time_without_a_unit_is_a_finding_of_what_it_times(tmp_path: Path) -> None:
+    """Seconds were assumed at ingest: the speed that follows says so again."""
+    time = np.arange(0.0, 2.0, 2e-4)
+    pulse, shake = (np.mod(24.3 * time, 1.0) < 0.1) * 5.0, np.sin(2.0 * np.pi * 24.3 * time)
+    rows = "\n".join(f"{t:.4f},{p:g},{x:.6f}" for t, p, x in zip(time, pulse, shake, strict=True))
+    (tmp_path / "log.csv").write_text(f"time,tacho (V),A (m/s^2)\n{rows}\n")
+    CliRunner().invoke(ingest, [str(tmp_path / "log.csv"), "-o", str(tmp_path / "c")])
+    stored = order_tracking.vectors(tmp_path / "c" / "log.h5")
+    assert any("carries no unit: seconds are assumed" in text for text in stored.findings())
+
+
 def test_figure(found: str, tmp_path: Path) -> None:
     """A vector for each sensor, its tip at amplitude and phase of the document, its field as wide as the intervals."""
     code, _ = run(found, "--figure", str(tmp_path / "vectors.svg"))
